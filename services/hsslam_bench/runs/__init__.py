@@ -1,1 +1,1 @@
-"""A run that is made to be measured, and what it leaves."""
+"""Makes the runs that the benchmark measures, and reads their results."""

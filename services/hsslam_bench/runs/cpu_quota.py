@@ -1,4 +1,4 @@
-"""A share of the processor for a process and all that it starts, by a control group of Linux (needs root)."""
+"""Limits a process and its children to a share of the processor, by a Linux control group (needs root)."""
 
 import contextlib
 import os
@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _V2, _V1 = Path("/sys/fs/cgroup"), Path("/sys/fs/cgroup/cpu")
-_PERIOD_US = 100_000  # the kernel's own
+_PERIOD_US = 100_000  # the kernel's default
 
 
 class NoQuotaError(Exception):
-    """This machine lets us make no control group; the text says why."""
+    """This machine allows no control group; the text gives the reason."""
 
 
 @contextlib.contextmanager
 def cpu_quota(pid: int, cores: float, machine_cores: int) -> Iterator[None]:
-    """Hold a process, and those that it starts from now on, to `cores` of the first `machine_cores` cores.
+    """Limit a process, and those that it starts from now on, to `cores` of the first `machine_cores` cores.
 
     Raises:
         NoQuotaError: no control groups, or no permission.
@@ -41,5 +41,5 @@ def cpu_quota(pid: int, cores: float, machine_cores: int) -> Iterator[None]:
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):  # `left_behind` reports a process that outlives the run
+        with contextlib.suppress(OSError):  # `left_behind` reports processes that are still in it
             group.rmdir()

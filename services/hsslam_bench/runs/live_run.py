@@ -1,4 +1,4 @@
-"""A `hsslam-serve` that runs: watched from outside, its processes killed, its end awaited."""
+"""A running `hsslam-serve`: watch it as a client, kill its processes, wait for its end."""
 
 import contextlib
 import json
@@ -31,7 +31,7 @@ SMALL_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "160", "--synth.height-px", "120"),
     *("--rate-hz", "15", *_QUICK),
 )
-SENT_ROOM = ("--source", "zenoh:", *_QUICK)  # its frames come from another program
+SENT_ROOM = ("--source", "zenoh:", *_QUICK)  # another program sends the frames
 _POLL_S = 0.02
 _ASK_EVERY_S = 0.3
 _LAST_LINES = 12
@@ -40,8 +40,8 @@ _LAST_LINES = 12
 class LiveRun:
     """A running `hsslam-serve` on a free port; the first use of `bus` connects a client to it.
 
-    `out`: absolute, as its processes are found by it. `prefix` stands before the command. Methods that wait
-    raise RunFailedError if the service ends before, or if it takes too long.
+    `out`: absolute path, by which the run finds its processes. `prefix`: words before the command. Methods
+    that wait raise RunFailedError if the service ends before or takes too long.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class LiveRun:
 
     @property
     def stderr(self) -> str:
-        """What the user has read so far."""
+        """Standard error of the service so far."""
         return self._messages.read_text(errors="replace")
 
     @property
@@ -81,7 +81,7 @@ class LiveRun:
 
     @property
     def bus(self) -> Bus:
-        """A client, as an outsider's; waits for the router."""
+        """An external client; waits for the router."""
         if self._bus is None:
             self.wait_until(lambda: _port_listens(self.port), 30)
             self._bus = Bus(self.endpoint, "robot", "test")
@@ -95,7 +95,7 @@ class LiveRun:
         return Path(json.loads((self.out / "run.json").read_text())["arena_dir"])
 
     def wait_until(self, condition: Callable[[], object], timeout_s: float) -> None:
-        """Return when the condition holds."""
+        """Return when the condition is true."""
         deadline = time.monotonic() + timeout_s
         while not condition():
             if self.code is not None:
@@ -104,7 +104,7 @@ class LiveRun:
                 )
             if time.monotonic() > deadline:
                 raise RunFailedError(
-                    f"{self.out.name}: not so in {timeout_s:g} s: {self.last_words}"
+                    f"{self.out.name}: timeout after {timeout_s:g} s: {self.last_words}"
                 )
             time.sleep(_POLL_S)
 
@@ -114,13 +114,13 @@ class LiveRun:
         self.wait_until(lambda: len(self.new_poses()) >= wanted, timeout_s)
 
     def new_poses(self) -> list[Pose]:
-        """All poses so far, those taken in that have just come."""
+        """All poses so far, including those that have just arrived."""
         assert self.bus
         self.poses.extend(self._pose_subscription.drain())
         return self.poses
 
     def wait_until_ready(self, timeout_s: float = 120) -> None:
-        """Return when tracker and mapper take work."""
+        """Return when tracker and mapper are running."""
 
         def is_ready() -> bool:
             states = status.processes if (status := self.status()) else {}
@@ -129,7 +129,7 @@ class LiveRun:
         self.wait_until(is_ready, timeout_s)
 
     def heartbeats(self, name: str, count: int = 2) -> list[Health]:
-        """The next heartbeats of a process; what it had at hand when the first was sent is done."""
+        """Wait for the next heartbeats of a process; with two, its work of the first one is done."""
         assert self.bus
         self._health_subscription.drain()
         found: list[Health] = []
@@ -142,7 +142,7 @@ class LiveRun:
         return found
 
     def status(self, timeout_s: float = 5.0) -> Status | None:
-        """The answer to `hsslam-ctl status`; None without one."""
+        """The answer to `hsslam-ctl status`; None without an answer."""
         time.sleep(_ASK_EVERY_S)
         try:
             return ask(self.endpoint, "robot", STATUS, Ask(), timeout_s, connect_s=1.0)
@@ -150,7 +150,7 @@ class LiveRun:
             return None
 
     def control(self, *words: str, timeout_s: float = 60.0) -> str:
-        """What `hsslam-ctl` prints."""
+        """Run `hsslam-ctl`; returns what it prints."""
         command = [sys.executable, "-P", "-m", "hsslam_services.commands.ctl", *words]
         try:
             done = subprocess.run(
@@ -164,10 +164,10 @@ class LiveRun:
         return (done.stdout + done.stderr).strip()
 
     def pid_of(self, name: str) -> int | None:
-        """Process id of a worker, None while it does not live."""
+        """Process id of a worker; None if it is not running."""
         for child in psutil.Process(self.process.pid).children():
             try:
-                words = " ".join(child.cmdline()).split()  # of a forked process they are one
+                words = " ".join(child.cmdline()).split()  # a forked process has one word
                 if any(w.startswith("hsslam_") and w.endswith(f".{name}") for w in words):
                     return child.pid
             except psutil.Error:
@@ -175,15 +175,15 @@ class LiveRun:
         return None
 
     def kill_worker(self, name: str, timeout_s: float = 15) -> None:
-        """SIGKILL it, and wait until its successor is there."""
+        """Kill a worker, and wait for its successor."""
         old = self.pid_of(name)
         if old is None:
-            raise RunFailedError(f"{self.out.name}: {name} does not live: {self.last_words}")
+            raise RunFailedError(f"{self.out.name}: {name} is not running: {self.last_words}")
         psutil.Process(old).kill()
         self.wait_until(lambda: self.pid_of(name) not in (None, old), timeout_s)
 
     def kill_supervisor(self) -> None:
-        """SIGKILL it; its processes live for as long as the watchdog lets them."""
+        """Kill the supervisor; its processes live until the watchdog ends them."""
         self.close_bus()
         self.process.kill()
         self.process.wait()
@@ -193,13 +193,13 @@ class LiveRun:
         self.process.send_signal(number)
 
     def finish(self, timeout_s: float = 180) -> int:
-        """Exit code of its end."""
+        """Wait for the end; returns the exit code."""
         if (code := self.ends_within(timeout_s)) is None:
             raise RunFailedError(f"{self.out.name} does not end: {self.last_words}")
         return code
 
     def ends_within(self, timeout_s: float) -> int | None:
-        """Exit code of its end; None if it still runs after this time."""
+        """Wait for the end; returns the exit code, or None if the service still runs after this time."""
         self.close_bus()
         with contextlib.suppress(subprocess.TimeoutExpired):
             return self.process.wait(timeout_s)
@@ -210,11 +210,11 @@ class LiveRun:
         return json.loads((self.out / "summary.json").read_text())
 
     def missing(self, *names: str) -> list[str]:
-        """Which of these files the run folder does not have."""
+        """Those of these files that the run folder does not have."""
         return [name for name in names if not (self.out / name).is_file()]
 
     def left_behind(self, timeout_s: float = 0.0) -> list[str]:
-        """Processes, shared memory and port of the run that are still there after this time."""
+        """Processes, shared memory and port of the run that remain after this time."""
         deadline = time.monotonic() + timeout_s
         while (left := self._left()) and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -227,7 +227,7 @@ class LiveRun:
             self._bus = None
 
     def close(self) -> None:
-        """End it by force, with all its processes and its shared memory."""
+        """Kill the service and all its processes, and remove its shared memory."""
         self.close_bus()
         if self.code is None:
             self.process.kill()
@@ -245,7 +245,7 @@ class LiveRun:
         return left + ([f"port {self.port}"] if _port_listens(self.port) else [])
 
     def _processes(self) -> list[psutil.Process]:
-        """Its processes that live, forked ones too: their command line is one text."""
+        """The live processes of the run, including forked ones, whose command line is one word."""
         return [
             process
             for process in psutil.process_iter(["cmdline", "status"])

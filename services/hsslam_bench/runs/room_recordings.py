@@ -1,4 +1,4 @@
-"""The built-in room as TUM folders: as it is, and through a lens of 8 coefficients."""
+"""Writes the built-in room as TUM folders: of a pinhole camera, and through a lens of 8 coefficients."""
 
 import json
 from collections.abc import Iterator
@@ -17,14 +17,14 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.source import Frame
 
 SPEC = "synth:room"
-# the rational model, as the colour camera of an Azure Kinect has it
+# of the rational model, as for the colour camera of an Azure Kinect
 LENS = (0.45, -2.6, 4e-4, -3e-4, 1.5, 0.33, -2.4, 1.42)
-_FINER = 2  # times the size, rendered for the lens
+_FINER = 2  # scale of the images rendered for the lens
 _FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 def write_recorded_room(folder: Path) -> None:
-    """Write all frames as they are, lossless: a run of the recording renders nothing."""
+    """Write all frames lossless, so that a run of the recording renders nothing."""
     first = next(iter(_rendered(1, 1)))
     _begin(folder, first.camera, first.depth_units_per_m, ())
     stamps_ns: list[int] = []
@@ -52,7 +52,7 @@ def write_distorted_room(folder: Path, frames: int) -> None:
 
 
 def _finish(folder: Path, stamps_ns: list[int]) -> None:
-    """The lists of images and the truth, which comes last."""
+    """Write the lists of images, then the ground truth."""
     for kind in ("rgb", "depth"):
         lines = [f"{format_stamp(s)} {kind}/{format_stamp(s)}.png\n" for s in stamps_ns]
         (folder / f"{kind}.txt").write_text("".join(lines))
@@ -73,7 +73,7 @@ def _rendered(frames: int | None, scale: int) -> Iterator[Frame]:
 
 
 class _LensView:
-    """What the lens shows of images of a finer pinhole camera in its place."""
+    """Resamples images of a finer pinhole camera to images through the lens."""
 
     def __init__(self, camera: Camera, fine: Camera) -> None:
         pixels = (

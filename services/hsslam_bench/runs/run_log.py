@@ -1,4 +1,4 @@
-"""What the public reader finds in a run's log."""
+"""Reads a run's log with the public MCAP reader."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -25,28 +25,28 @@ class LoggedPose(NamedTuple):
 
 @dataclass(frozen=True)
 class LogContent:
-    """The parts of run.mcap that figures are made of."""
+    """The content of run.mcap that figures need."""
 
     counts: Mapping[str, int]  # messages by topic, as "out/pose"
-    poses: Sequence[LoggedPose] = ()  # in order of their frames
-    mapped: Sequence[tuple[int, int]] = ()  # wall clock ns, iterations of the mapper until then
+    poses: Sequence[LoggedPose] = ()  # by frame index
+    mapped: Sequence[tuple[int, int]] = ()  # wall clock ns, mapping iterations until then
     error: str = ""
 
     def first_ns(self, status: str | None = None) -> int | None:
-        """When the first pose of this status (None: of any) was published."""
+        """Publishing time of the first pose of this status (None: of any status)."""
         found = (p.publish_ns for p in self.poses if status is None or p.status == status)
         return next(found, None)
 
     @property
     def tracking_ns(self) -> tuple[int, int] | None:
-        """From the first pose that was aligned to the map to the last pose; None: nothing between."""
+        """Publishing times of the first tracked pose and of the last pose; None: no such interval."""
         begin = self.first_ns("tracked")
         end = max((pose.publish_ns for pose in self.poses), default=0)
         return None if begin is None or end <= begin else (begin, end)
 
 
 def read_log(path: Path) -> LogContent:
-    """Read a log; what is wrong with it stands in `error`."""
+    """Read a log; `error` describes a log that is not readable."""
     counts: Counter[str] = Counter()
     poses: list[LoggedPose] = []
     mapped: list[tuple[int, int]] = []

@@ -1,4 +1,4 @@
-"""Scores a run of the benchmark, JSON on stdout; a file of its own because it is a process of its own.
+"""Scores a run of the benchmark and prints JSON; a file of its own because it is a process of its own.
 
 `python -m hsslam_bench.runs.run_score RUN tsdf|consistency|rendering`
 """
@@ -14,7 +14,7 @@ from hsslam_services.commands.evaluate.subject import run_subject
 
 
 def main() -> None:
-    """tsdf: the run's mesh and TSDFs of its poses and depth; consistency: its frames' agreement; rendering:
+    """tsdf: score the run's mesh and TSDFs of its poses and depth; consistency: of its frames; rendering:
     frames drawn from its map."""
     folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
     subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))

@@ -8,7 +8,7 @@ from typing import Literal
 from hsslam_bench.runs.room_recordings import write_distorted_room, write_recorded_room
 
 QUICK_FRAMES = 40
-RECORDED_ROOM = "recordedroom"  # synth:room as files: nothing is rendered while it runs
+RECORDED_ROOM = "recordedroom"  # synth:room as files, so that a run renders nothing
 RoomCamera = Literal["plain", "lens"]
 _LENS_FRAMES = 300
 _HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
@@ -17,7 +17,7 @@ _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folder
 
 
 class Skipped(Exception):  # noqa: N818 - not an error
-    """What a check needs is not on disk."""
+    """A sequence that a check needs is not on disk."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Sequences:
     say: Callable[[str], None]
 
     def source(self, place: str) -> str:
-        """The source of a sequence without changes: a folder of the data, or a built-in scene.
+        """The source of a sequence: a folder of the data, or a built-in scene.
 
         Raises:
-            Skipped: the folder is not there.
+            Skipped: the folder is not on disk.
         """
         if place in _SCENES:
             return f"synth:{place}"
@@ -48,7 +48,7 @@ class Sequences:
         """Options of a sequence, as "house", "house-kinect" or "house-kinect-exposure".
 
         Raises:
-            Skipped: its folder is not there.
+            Skipped: its folder is not on disk.
         """
         place, *changes = sequence.split("-")
         noise = "kinect" if "kinect" in changes else "none"
@@ -58,7 +58,7 @@ class Sequences:
         return ("--source", self.source(place), "--noise", noise, *exposure, *size, *frames)
 
     def room_of_camera(self, camera: RoomCamera) -> str:
-        """The built-in room as files of a pinhole camera, or of one with a lens."""
+        """The built-in room as files of a pinhole camera or of a camera with a lens."""
         folder = self.folder / "distorted-room"
         if not (folder / "lens/groundtruth.txt").exists():
             self.say("rendering a room through a lens")

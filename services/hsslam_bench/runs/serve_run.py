@@ -1,4 +1,4 @@
-"""One run of `hsslam-serve` as a user makes it, and everything that is read off it afterwards."""
+"""One run of `hsslam-serve` as a user makes it, and its results."""
 
 import contextlib
 import dataclasses
@@ -22,17 +22,17 @@ from hsslam_services.run.summary import read_summary
 _TIMEOUT_S = 3600.0
 _POLL_S = 0.2
 _MAP = "map.safetensors"
-_BULKY = ("run*.mcap", "run*.rrd", _MAP)  # removed once they have been looked at
+_BULKY = ("run*.mcap", "run*.rrd", _MAP)  # removed after they are read
 
 
 class Watcher(Protocol):
-    """Something that looks at a run while it goes on."""
+    """Watches a run while it runs."""
 
     def poll(self) -> None: ...
 
 
 class Outsider(Watcher, Protocol):
-    """A viewer or a client that takes part in a run from outside."""
+    """An external viewer or client of a run."""
 
     def close(self) -> None: ...
 
@@ -40,7 +40,7 @@ class Outsider(Watcher, Protocol):
 
 
 class RunFailedError(Exception):
-    """A process of the benchmark that did not end as it should."""
+    """A process of the benchmark failed."""
 
 
 @dataclass(frozen=True)
@@ -53,27 +53,27 @@ class ServeRun:
     started_ns: int  # wall clock, just before the command
     seconds: float
     exit_code: int
-    error: str  # its last words if it failed
+    error: str  # last line of output if it failed
     summary: Mapping[str, Any]
     log: LogContent
-    view_error: str  # of run.rrd; "" if it can be opened
+    view_error: str  # of run.rrd; "": it opens
     usage: Sequence[Sample] = ()
     disk_bytes: Mapping[str, int] = field(default_factory=dict)  # by file of the run folder
-    outside: Mapping[str, Any] = field(default_factory=dict)  # what the outsider has found
+    outside: Mapping[str, Any] = field(default_factory=dict)  # figures of the outsider
     left_behind: Sequence[str] = field(default_factory=tuple)  # processes, port, shared memory
 
     @property
     def viewer_bytes(self) -> int | None:
-        """That the attached viewer took; None: none was attached."""
+        """Bytes that the attached viewer received; None without a viewer."""
         return self.outside.get("viewer_bytes")
 
     @property
     def core_ms(self) -> dict[str, float]:
-        """Core time of each process while frames were tracked, ms a frame of the sensor."""
+        """Core time of each process while frames were tracked, ms a sensor frame."""
         return self.core_ms_of_last(None)
 
     def core_ms_of_last(self, frames: int | None) -> dict[str, float]:
-        """The same over the last frames (None: all)."""
+        """As `core_ms`, over the last frames (None: all)."""
         window = self.log.tracking_ns
         if window is None or len(self.usage) < 2:
             return {}
@@ -85,7 +85,7 @@ class ServeRun:
         return core_ms_per_frame(self.usage, (first.publish_ns, window[1]), last - first.index)
 
     def as_json(self) -> dict[str, Any]:
-        """For the result file; the configuration stays, being what was measured."""
+        """The run for the result file, with its configuration."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         command = self.command[2:]
         return {**fields, "folder": self.folder.name, "command": command, "core_ms": self.core_ms}
@@ -102,11 +102,10 @@ def serve(
     cores: float | None = None,
     keeps_map: bool = False,
 ) -> ServeRun:
-    """Run the service to its end in `folder`, an absolute path; bulky results are not kept, but for the map
-    if it is asked for.
+    """Run the service to its end in `folder`, an absolute path; then remove bulky results.
 
-    `cores`: so much of two cores is all that it gets (None: the machine). `outsider` makes a viewer or
-    client of it from its folder.
+    `cores`: processor time that the service gets, on two cores (None: the whole machine). `outsider` makes a
+    viewer or client from the folder. `keeps_map`: keep the map.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     port = int(free_endpoint().rpartition(":")[2])
@@ -155,10 +154,10 @@ def serve(
 
 
 def finished(run: ServeRun) -> ServeRun:
-    """The run, if it may be judged.
+    """The run, if it succeeded.
 
     Raises:
-        RunFailedError: another exit code than 0, or no summary.
+        RunFailedError: the exit code is not 0, or there is no summary.
     """
     if run.exit_code != 0 or not run.summary.get("frames"):
         raise RunFailedError(f"{run.name} ended with code {run.exit_code}: {run.error}")
@@ -166,7 +165,7 @@ def finished(run: ServeRun) -> ServeRun:
 
 
 def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> None:
-    """Wait for the end, letting the watchers look every now and then."""
+    """Wait for the end, and poll the watchers every 0.2 s."""
     deadline = time.monotonic() + _TIMEOUT_S
     try:
         while process.poll() is None:
@@ -176,7 +175,7 @@ def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> None:
             for watcher in watchers:
                 watcher.poll()
             time.sleep(_POLL_S)
-    except KeyboardInterrupt:  # it got the signal, too, and saves what it has
+    except KeyboardInterrupt:  # the service got the signal, too, and saves its results
         process.wait()
         raise
 

@@ -1,4 +1,4 @@
-"""One benchmark session: which runs of the service it needs, each made once."""
+"""One benchmark session: makes the runs of the service that the checks need, each once."""
 
 import os
 import shutil
@@ -19,12 +19,12 @@ from hsslam_services.launch.spawn import child_environment
 
 _COLD_FRAMES = 60
 _COVER_AT, _COVER_FRAMES = 150, 90
-_ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and as much of scale
+_ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and 1 % of scale
 Lens = Literal["free", "covered"]
-_GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
+_GROWTH_LENGTH = 3000  # runs take its first frames, so all have the same motion
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
 _SEEDS = (0, 1, 2)
-Terms = Literal["both", "keyframe", "map"]  # of tracking: what moves a pose; all judge it
+Terms = Literal["both", "keyframe", "map"]  # terms of tracking that move a pose
 _TERMS: Mapping[Terms, tuple[str, ...]] = {
     "both": (),
     "keyframe": ("--slam.tracker.sdf-weight", "0"),
@@ -45,25 +45,25 @@ _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
 
 
 class NotMeasured(Exception):  # noqa: N818 - not an error
-    """What this machine cannot show, with the reason."""
+    """This machine cannot measure the row; the text gives the reason."""
 
 
 @dataclass
 class Session:
-    """Runs of `hsslam-serve`, kept for all checks that look at them.
+    """Runs of `hsslam-serve`, shared by all checks.
 
-    `quick`: one seed and a few frames, to see whether the benchmark itself works. `extra` options
-    are added to every run; the figures are then not those of the protocol.
+    `quick`: one seed and a few frames, to test the benchmark itself. `extra`: options for every run, with
+    which the figures do not follow the protocol.
     """
 
     data: Path
-    folder: Path  # of the runs; absolute, as their processes are found by it
+    folder: Path  # of the runs; absolute, as it identifies their processes
     quick: bool = False
     extra: Sequence[str] = ()
     say: Callable[[str], None] = lambda _: None
-    make: Callable[..., ServeRun] = serve  # a run
+    make: Callable[..., ServeRun] = serve  # makes a run
     runs: dict[str, ServeRun] = field(default_factory=dict)
-    outputs: dict[tuple[str, ...], str] = field(default_factory=dict)  # of modules run alone
+    outputs: dict[tuple[str, ...], str] = field(default_factory=dict)  # of modules, by command
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -73,7 +73,7 @@ class Session:
     def lockstep(
         self, sequence: str, seed: int = 0, take: int = 1, frames: int | None = None
     ) -> ServeRun:
-        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect"."""
+        """A lockstep run over all frames, or the first `frames`; `sequence` as "house-kinect"."""
         name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
         options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
         if frames is None:
@@ -81,12 +81,12 @@ class Session:
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
 
     def mapped(self, sequence: str, seed: int = 0) -> ServeRun:
-        """As `lockstep`; its saved map stays in its folder."""
+        """A lockstep run that keeps its saved map in its folder."""
         options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
         return self._run(f"mapped-{sequence}-seed{seed}", options, keeps_map=True)
 
     def realtime(self, sequence: str, seed: int = 0) -> ServeRun:
-        """On the clock of a 30 Hz sensor, recording on."""
+        """A real-time run at 30 Hz with recording."""
         name = f"realtime-{sequence}" + (f"-seed{seed}" if seed else "")
         pace = ("--pace", "realtime", "--rate-hz", "30", "--seed", str(seed))
         return self._run(name, (*self._source(sequence), *pace))
@@ -100,9 +100,9 @@ class Session:
         refinement: Refinement = "graph",
         terms: Terms = "both",
     ) -> ServeRun:
-        """A run for its poses alone: what comes after the last frame, which cannot move them, is cut short.
+        """A run for its poses alone: it shortens the work after the last frame, which cannot change them.
 
-        `stride`: use every n-th frame. `refinement`: the bundle adjustment. `terms`: what moves a pose.
+        `stride`: use every n-th frame. `refinement`: the bundle adjustment. `terms`: terms that move a pose.
         """
         name = f"poses-{pace}-{sequence}-seed{seed}"
         options = (*self._source(sequence), "--pace", pace, "--seed", str(seed), *_POSES_ALONE)
@@ -117,7 +117,7 @@ class Session:
         return self._run(name, options)
 
     def darkened(self, sequence: str, seed: int, frames: int, dark: range) -> ServeRun:
-        """As `poses`, the first `frames` of a built-in scene; those of the range `dark` show nothing."""
+        """As `poses`, over the first `frames` of a built-in scene; frames in the range `dark` are black."""
         name = f"dark-{dark.start}-{dark.stop}-{sequence}-seed{seed}"
         pace = ("--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
         cover = ("--cover-at", str(dark.start), "--cover-frames", str(len(dark))) if dark else ()
@@ -125,7 +125,7 @@ class Session:
         return self._run(name, options)
 
     def viewer(self, sequence: str) -> ServeRun:
-        """The same with a web viewer and a client of it."""
+        """As `realtime`, with a web viewer and an attached client."""
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
         return self._run(f"viewer-{sequence}", options, outsider=AttachedViewer, viewer="web")
 
@@ -133,7 +133,7 @@ class Session:
         """As `viewer`, with 60 % of two cores.
 
         Raises:
-            NotMeasured: this machine lets us hold no process to a share.
+            NotMeasured: this machine allows no control group.
         """
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
         try:
@@ -156,7 +156,7 @@ class Session:
         )
 
     def sixty(self, sequence: str) -> ServeRun:
-        """The same at 60 Hz and half the size, 320x240."""
+        """As `viewer`, at 60 Hz and half the size, 320x240."""
         options = (*self._source(sequence, half=True), "--pace", "realtime", "--rate-hz", "60")
         options = (*options, "--seed", "0")
         return self._run(f"sixty-{sequence}", options, outsider=AttachedViewer, viewer="web")
@@ -169,18 +169,18 @@ class Session:
         *options: str,
         viewer: str = "none",
     ) -> ServeRun:
-        """A run with a viewer or client from outside, if any; `sequence` as in the others."""
+        """A run with an external viewer or client, if any; `sequence` as for `lockstep`."""
         options = (*self._source(sequence), "--seed", "0", *options)
         return self._run(name, options, outsider=outsider, viewer=viewer)
 
     def lens(self, kind: RoomCamera, seed: int) -> ServeRun:
-        """Poses of the built-in room with noise as files of a pinhole camera, or of one with a lens."""
+        """Poses of the built-in room with noise, as files of a pinhole camera or of a camera with a lens."""
         source = ("--source", self._sequences.room_of_camera(kind), "--noise", "kinect")
         options = (*source, "--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
         return self._run(f"poses-{kind}-seed{seed}", options)
 
     def covered(self, sequence: str, lens: Lens, seed: int, odometry: bool) -> ServeRun:
-        """Poses of a built-in scene, the lens covered for 3 s, with or without simulated odometry."""
+        """Poses of a built-in scene; the lens free or covered for 3 s, with or without odometry."""
         name = f"poses-{sequence}-{lens}-{'odometry' if odometry else 'alone'}-seed{seed}"
         at, frames = (15, 10) if self.quick else (_COVER_AT, _COVER_FRAMES)
         options = (*self._source(sequence), "--pace", "lockstep")
@@ -197,7 +197,7 @@ class Session:
         return self._run(name, (*options, "--seed", str(seed), *_POSES_ALONE))
 
     def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
-        """This many frames of the built-in room in real time; `room_m`: length of its sides."""
+        """A real-time run over `frames` frames of the built-in room; `room_m`: length of its sides."""
         if self.quick:
             frames = max(frames // 25, 12)
         name = f"growth-{frames}" if room_m is None else f"growth-{room_m:g}m"
@@ -218,7 +218,7 @@ class Session:
             shutil.rmtree(cache, ignore_errors=True)
 
     def python(self, module: str, *arguments: str) -> str:
-        """What a module prints, run alone, once, with one numeric thread and compiled kernels."""
+        """Run a module alone, once, with one numeric thread and compiled kernels; returns its output."""
         key = (module, *arguments)
         if key not in self.outputs:
             self.warm_up()
@@ -231,7 +231,7 @@ class Session:
         """The source of a sequence.
 
         Raises:
-            Skipped: its folder is not there.
+            Skipped: its folder is not on disk.
         """
         return self._sequences.source(sequence)
 
@@ -273,14 +273,14 @@ class Session:
         return Sequences(self.data, self.folder, self.quick, self.say)
 
     def warm_up(self) -> None:
-        """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
+        """Compile the kernels if the cache has none, so that only a cold start measures an empty cache."""
         if not warm_stamp().exists():
             self.say("compiling kernels")
             _python(WARM_UP)
 
 
 def _python(module: str, *arguments: str) -> str:
-    """Output of a module, run with one numeric thread and the cache of kernels."""
+    """Run a module with one numeric thread and the cache of kernels; returns its output."""
     result = subprocess.run(
         [sys.executable, "-P", "-m", module, *arguments],
         env=child_environment(),

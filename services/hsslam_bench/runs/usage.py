@@ -1,4 +1,4 @@
-"""What the processes of a run use while it goes on: core time, memory, shared memory."""
+"""Samples core time, memory and shared memory of the processes of a running service."""
 
 import os
 import time
@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.run.run_info import RunInfo
 
 _CPU_EVERY_S, _TREE_EVERY_S = 0.5, 1.0
-_MEMORY_EVERY_S = 5.0  # seldom, as reading it keeps a core busy
+_MEMORY_EVERY_S = 5.0  # seldom, as reading PSS keeps a core busy
 _SUPERVISOR, _VIEWER, _UNKNOWN = "supervisor", "viewer", "other"
 _VIEWER_PROGRAM = "rerun"
 _PACKAGE = "hsslam_services."
@@ -22,7 +22,7 @@ _BLOCK_BYTES = 512
 
 @dataclass(frozen=True)
 class Sample:
-    """One look at a run. `pss_bytes` is empty where it was not looked at this time."""
+    """One sample of a run. `pss_bytes` is empty if memory was not due."""
 
     time_ns: int  # wall clock
     cpu_s: dict[str, float]  # user and system time since the start, by process
@@ -32,9 +32,9 @@ class Sample:
 
 @dataclass
 class Usage:
-    """Looks at the processes below `root` when `poll` is called; cheap enough for every 0.2 s.
+    """Samples the processes below `root` when `poll` is called, every 0.2 s or so.
 
-    A process is named after the log file in the run folder that it prints to, or its module.
+    A process has the name of its log file in the run folder, or of its module.
     """
 
     root: psutil.Process
@@ -43,10 +43,10 @@ class Usage:
     _names: dict[int, str] = field(default_factory=dict)
     _cpu_s: dict[int, float] = field(default_factory=dict)
     _tree: list[psutil.Process] = field(default_factory=list)
-    _looked_s: dict[str, float] = field(default_factory=dict)
+    _sampled_s: dict[str, float] = field(default_factory=dict)
 
     def poll(self) -> None:
-        """Look, if it is time to."""
+        """Take a sample, if one is due."""
         if not self._is_due("cpu", _CPU_EVERY_S):
             return
         if self._is_due("tree", _TREE_EVERY_S):
@@ -60,7 +60,7 @@ class Usage:
                 if with_memory:
                     pss[name] = pss.get(name, 0) + _pss_bytes(process.pid)
             except (psutil.Error, OSError):
-                continue  # it has just ended
+                continue  # just ended
             self._cpu_s[process.pid] = times.user + times.system
         cpu_s: dict[str, float] = {}
         for pid, seconds in self._cpu_s.items():
@@ -69,13 +69,13 @@ class Usage:
 
     def _is_due(self, what: str, every_s: float) -> bool:
         now = time.monotonic()
-        if now - self._looked_s.get(what, -1e9) < every_s:
+        if now - self._sampled_s.get(what, -1e9) < every_s:
             return False
-        self._looked_s[what] = now
+        self._sampled_s[what] = now
         return True
 
     def _name(self, process: psutil.Process) -> str:
-        found = self._found_name(process)  # every time: one that was just forked gets its log yet
+        found = self._found_name(process)  # each time, as a forked process opens its log later
         if found != _UNKNOWN or process.pid not in self._names:
             self._names[process.pid] = found
         return self._names[process.pid]
@@ -100,13 +100,13 @@ class Usage:
             with os.scandir(arena) as files:
                 return sum(entry.stat().st_blocks * _BLOCK_BYTES for entry in files)
         except (OSError, UserError):
-            return 0  # not there yet, or no longer
+            return 0  # before the start or after the end
 
 
 def core_ms_per_frame(
     samples: Sequence[Sample], window_ns: tuple[int, int], frames: int
 ) -> dict[str, float]:
-    """Core time that each process took between two times, ms a frame; interpolated between samples."""
+    """Core time of each process between two times, ms a frame; interpolated between samples."""
     times = np.array([sample.time_ns for sample in samples], float)
     names = {name: None for sample in samples for name in sample.cpu_s}
     used_ms = {}
@@ -118,7 +118,7 @@ def core_ms_per_frame(
 
 
 def memory_at(samples: Sequence[Sample], time_ns: int) -> dict[str, int]:
-    """Memory of each process in the last look at it before a time, bytes."""
+    """Memory of each process in the last sample before a time, bytes."""
     seen = [
         sample.pss_bytes for sample in samples if sample.pss_bytes and sample.time_ns <= time_ns
     ]
@@ -126,7 +126,7 @@ def memory_at(samples: Sequence[Sample], time_ns: int) -> dict[str, int]:
 
 
 def peak_memory(samples: Sequence[Sample]) -> dict[str, int]:
-    """Memory of each process when all of them together had the most, bytes."""
+    """Memory of each process in the sample with the largest sum, bytes."""
     return max((sample.pss_bytes for sample in samples), key=lambda p: sum(p.values()), default={})
 
 

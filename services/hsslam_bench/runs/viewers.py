@@ -1,4 +1,4 @@
-"""Viewers of a run with `--viewer web`: rerun's own client without a window, and one that is frozen."""
+"""Viewers of a run with `--viewer web`: rerun's own client without a window, running or frozen."""
 
 import contextlib
 import os
@@ -13,25 +13,25 @@ from urllib.parse import parse_qs, urlparse
 import psutil
 import rerun_cli
 
-_TOLD = "viewer: open "  # in the log of the process that serves the page
+_URL_LINE = "viewer: open "  # in the log of the process that serves the page
 _END_S = 5.0
 FROZEN_S = 10.0
-_FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
-# of the seconds with poses, in which a viewer that sees the whole run takes data
+_FLOWING_BYTES = 400_000  # a dozen images, so the tracker has started
+# least share of the seconds with poses in which an attached viewer receives data
 LOOKED_SHARE = 0.8
 
 
 def looked_share(seconds: Collection[int], begin_ns: int, end_ns: int) -> float:
-    """Share of the seconds from one time to another (wall clock) that are among those of a viewer."""
+    """Share of the seconds between two times (wall clock) in which the viewer received data (`seconds`)."""
     wanted = range(begin_ns // 10**9, end_ns // 10**9 + 1)
     return len(set(wanted).intersection(seconds)) / len(wanted)
 
 
 class AttachedViewer:
-    """Connects to the address that the page of the web viewer connects to, and takes all data.
+    """Connects to the same address as the page of the web viewer, and receives all data.
 
-    `rerun --save /dev/null URL` subscribes as the page does, decodes every message and writes it
-    away. It draws nothing: a browser draws on its user's machine.
+    `rerun --save /dev/null URL` subscribes as the page does, decodes every message and discards it. It draws
+    nothing, since a browser draws on its user's machine.
     """
 
     def __init__(self, run_folder: Path) -> None:
@@ -42,7 +42,7 @@ class AttachedViewer:
         self._seconds: set[int] = set()
 
     def poll(self) -> None:
-        """Attach as soon as there is a page, again if it was too early; read how much has come."""
+        """Attach once there is a page, again if the client has ended; count the received bytes."""
         if self._process is not None and self._process.poll() is None:
             if (so_far := _written_bytes(self._process.pid)) > self.received_bytes:
                 self.received_bytes = so_far
@@ -60,11 +60,11 @@ class AttachedViewer:
             )
 
     def found(self) -> dict[str, Any]:
-        """Bytes that it took, and in which seconds of the wall clock."""
+        """Received bytes, and the seconds of the wall clock with data."""
         return {"viewer_bytes": self.received_bytes, "viewer_seconds": sorted(self._seconds)}
 
     def close(self) -> None:
-        """End it if the end of the run has not."""
+        """End the client if it still runs."""
         if self._process is not None:
             self._process.terminate()
             try:
@@ -75,16 +75,16 @@ class AttachedViewer:
 
 
 def _served_url(run_folder: Path, since_s: float) -> str | None:
-    """Where the page of the run gets its data; None: no log written since then says it yet.
+    """The URL from which the page of the run gets its data; None: no log newer than `since_s` has it.
 
-    An older log is of the run that the folder held before.
+    Older logs are of an earlier run in the same folder.
     """
-    with contextlib.suppress(FileNotFoundError):  # the new run takes its place
+    with contextlib.suppress(FileNotFoundError):  # the new run replaces the folder
         for log in (run_folder / "logs").glob("*.log"):
             lines = log.read_text(errors="replace") if log.stat().st_mtime >= since_s else ""
             for line in lines.splitlines():
-                _, told, page = line.partition(_TOLD)
-                if told:
+                _, is_found, page = line.partition(_URL_LINE)
+                if is_found:
                     return parse_qs(urlparse(page.strip()).query).get("url", [None])[0]
     return None
 
@@ -97,7 +97,7 @@ def _written_bytes(pid: int) -> int:
 
 
 class FrozenViewer(AttachedViewer):
-    """Takes data, then is stopped (SIGSTOP) for ten seconds, then goes on."""
+    """Receives data, is stopped (SIGSTOP) for ten seconds, then continues."""
 
     def __init__(self, run_folder: Path) -> None:
         super().__init__(run_folder)
@@ -105,7 +105,7 @@ class FrozenViewer(AttachedViewer):
         self._window_ns: list[int] = []  # of the frozen time, wall clock
 
     def poll(self) -> None:
-        """Freeze it when data flows, thaw it when its time is over."""
+        """Stop the viewer once data flows; continue it after ten seconds."""
         super().poll()
         if not self._window_ns and self.received_bytes > _FLOWING_BYTES:
             self._frozen = _programs_of_rerun()
@@ -114,13 +114,13 @@ class FrozenViewer(AttachedViewer):
             self._signal(signal.SIGCONT)
 
     def close(self) -> None:
-        """Thaw and end it."""
+        """Continue the viewer, and end it."""
         if len(self._window_ns) == 1:
             self._signal(signal.SIGCONT)
         super().close()
 
     def found(self) -> dict[str, Any]:
-        """The same, and from when to when it was frozen."""
+        """The figures of `AttachedViewer`, and the frozen interval."""
         return {**super().found(), "frozen_ns": self._window_ns}
 
     def _signal(self, number: signal.Signals) -> None:
@@ -131,6 +131,6 @@ class FrozenViewer(AttachedViewer):
 
 
 def _programs_of_rerun() -> list[psutil.Process]:
-    """The viewer and the server of its data, wherever they are below this process."""
+    """The processes of the viewer and of its data server, at any depth below this process."""
     below = psutil.Process().children(recursive=True)
     return [process for process in below if process.name() == "rerun"]

@@ -1,1 +1,1 @@
-"""Programs that a check starts, each alone in a process."""
+"""Scripts that checks run, each alone in a process."""

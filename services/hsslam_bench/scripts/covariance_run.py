@@ -1,4 +1,4 @@
-"""Whether poses are as sure as they say, in one process, as JSON on stdout.
+"""Measures the calibration of the covariances of poses, in one process; prints JSON.
 
 `python -m hsslam_bench.scripts.covariance_run SOURCE SEED [--noise kinect] [--frames N]`
 """
@@ -28,7 +28,7 @@ def main() -> None:
 
 
 def covariance_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:
-    """The calibration of one seed, that of the options: all tracked frames but the first."""
+    """The calibration over all tracked frames except the first, for the seed of the options."""
     torch.set_num_threads(1)
     source, truth = source_with_truth(spec, options)
     slam = Slam(config, options.seed)

@@ -1,7 +1,7 @@
-"""A camera whose frames are missing now and then, as JSON on stdout: a process of its own.
+"""Tracks a camera that misses stretches of frames, in a process of its own; prints JSON.
 
-`python -m hsslam_bench.scripts.gap_run SOURCE SEED [--noise kinect] [--frames N]`: stretches of 8 to
-15 frames with gaps of 4 to 30 between them.
+`python -m hsslam_bench.scripts.gap_run SOURCE SEED [--noise kinect] [--frames N]` shows stretches of 8 to 15
+frames, and leaves out 4 to 30 frames between them.
 """
 
 import json
@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def gap_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:
-    """The score of one seed, that of the options."""
+    """The score for the seed of the options."""
     torch.set_num_threads(1)
     source, truth = source_with_truth(spec, options)
     plan = gap_plan(truth.T_world_cam, options.seed)

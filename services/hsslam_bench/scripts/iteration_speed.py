@@ -1,7 +1,7 @@
-"""Time of one mapping iteration on real keyframes, as JSON on stdout.
+"""Measures the time of one mapping iteration on real keyframes; prints JSON.
 
-`python -m hsslam_bench.scripts.iteration_speed RAYS FREE SURFACE CHANNELS`, alone, one numeric
-thread: rays of a batch, samples of a ray before and at the surface, channels of the planes.
+`python -m hsslam_bench.scripts.iteration_speed RAYS FREE SURFACE CHANNELS`: rays of a batch, samples of a ray
+in free space and at the surface, channels of the planes. It uses one numeric thread.
 """
 
 import argparse
@@ -27,8 +27,8 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 
-_FRAMES, _QUICK_FRAMES = 80, 8  # tracked first: their keyframes are what is mapped
-_SETTLING, _TURNS = 20, 60  # iterations before the measured ones, and those
+_FRAMES, _QUICK_FRAMES = 80, 8  # tracked first, to get keyframes
+_SETTLING, _TURNS = 20, 60  # iterations before the measurement, and measured
 
 
 def main() -> None:
@@ -50,7 +50,7 @@ def main() -> None:
 def iteration_speed(
     rays: int, sampling: SamplingPattern, channels: int, quick: bool = False
 ) -> dict[str, float]:
-    """Forward, losses, backward and Adam of `Mapper.iterate`: median and least ms, us a point."""
+    """Median and least time of `Mapper.iterate` (forward, losses, backward, Adam), ms; us a point."""
     torch.set_num_threads(1)
     realtime = PRESETS["realtime"]
     config = replace(
@@ -82,7 +82,7 @@ def iteration_speed(
 
 
 def _keyframes(config: SlamConfig, quick: bool) -> tuple[KeyframeStore, Frame]:
-    """Keyframes of the built-in room with the poses that tracking gave them, and the first frame."""
+    """Keyframes of the built-in room at their tracked poses, and the first frame."""
     size = SynthOptions(width_px=160, height_px=120) if quick else SynthOptions()
     frames = _QUICK_FRAMES if quick else _FRAMES
     source = open_source("synth:room", SourceOptions(frames=frames, synth=size))

@@ -1,6 +1,6 @@
-"""Time of the field's kernels beside that of its PyTorch reference, as JSON on stdout.
+"""Measures the time of the field's kernels and of their PyTorch reference; prints JSON.
 
-`python -m hsslam_bench.scripts.kernel_speed RAYS SAMPLES CHANNELS`, alone, one numeric thread.
+`python -m hsslam_bench.scripts.kernel_speed RAYS SAMPLES CHANNELS` uses one numeric thread.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.field import HybridField
 
 _BOUND = Bound((-5.0, -3.0, -5.0), (5.0, 3.0, 5.0))  # m, of a room
-_TURNS = 7  # the median counts; the first is not counted
+_TURNS = 7  # after one warm-up; the result is their median
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def kernel_speed(rays: int, samples: int, channels: int, turns: int) -> dict[str, float]:
-    """Median ms of forward + backward to the parameters over one batch; kernel and reference in turn."""
+    """Median time of forward + backward to the parameters of one batch, ms; kernel and reference in turn."""
     torch.set_num_threads(1)
     layout = FieldLayout.over(FieldConfig(plane_channels=16 if channels == 16 else 32), _BOUND)
     params = initial_parameters(layout, seed=0)
@@ -57,7 +57,7 @@ def kernel_speed(rays: int, samples: int, channels: int, turns: int) -> dict[str
 
 
 def _samples_along_rays(rays: int, samples: int) -> np.ndarray:
-    """Points as mapping asks for them: a third in free space, the others near a surface."""
+    """Points [N, 3] m as in mapping: a third in free space, the others near a surface."""
     rng = np.random.default_rng(0)
     direction = rng.standard_normal((rays, 1, 3)) * (0.6, 0.4, 1.0)
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)

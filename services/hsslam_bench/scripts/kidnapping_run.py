@@ -1,7 +1,7 @@
-"""A camera carried to places seen before, in one process, as JSON on stdout.
+"""Relocalises a camera that is carried to places seen before, in one process; prints JSON.
 
-`python -m hsslam_bench.scripts.kidnapping_run SOURCE SEED [--noise kinect]`: every second frame
-builds the map, then the frames between them are shown from twenty random places on, twelve each.
+`python -m hsslam_bench.scripts.kidnapping_run SOURCE SEED [--noise kinect]` builds the map from every second
+frame. Then it jumps twenty times to a random place and shows twelve of the other frames from there.
 """
 
 import argparse
@@ -40,7 +40,7 @@ def main() -> None:
 def kidnapping_run(
     config: SlamConfig, spec: str, options: SourceOptions, jumps: int = 20
 ) -> dict[str, Any]:
-    """The score of one seed (that of the options), and how long lost frames took."""
+    """The score for the seed of the options, and the number and slowest time of lost frames."""
     torch.set_num_threads(1)
     source, truth = source_with_truth(spec, options)
     plan = kidnapping_plan(truth.T_world_cam, options.seed, jumps)

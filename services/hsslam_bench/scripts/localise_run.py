@@ -1,7 +1,7 @@
-"""A camera in a saved map, in one process, as JSON on stdout.
+"""Localises a camera in a saved map, in one process; prints JSON.
 
-`python -m hsslam_bench.scripts.localise_run SOURCE SEED`: the first half of the sequence makes a map,
-which is saved; from its file alone the second half is localised.
+`python -m hsslam_bench.scripts.localise_run SOURCE SEED` saves a map of the first half of the sequence, and
+localises the second half with that file alone.
 """
 
 import argparse
@@ -51,7 +51,7 @@ def main() -> None:
 def localise_run(
     config: SlamConfig, spec: str, options: SourceOptions, path: Path
 ) -> dict[str, Any]:
-    """The score of one seed (that of the options), and what of the map has changed; it is left at `path`."""
+    """The score for the seed of the options, and whether the map has changed; saves the map at `path`."""
     torch.set_num_threads(1)
     _, truth = source_with_truth(spec, options)
     count = len(truth.T_world_cam)

@@ -1,9 +1,9 @@
-"""A camera that goes on in one of thirty rooms that look alike, and must not be joined to another, as JSON.
+"""Counts wrong joins of a fragment to a map among thirty rooms that look alike; prints JSON.
 
-`python -m hsslam_bench.scripts.lookalike_rooms SEED`: the map knows one room of `synth:lookalike`, the
-fragment the next: thirty pairs. As a control, five fragments in the room that the map knows, from frames
-between its keyframes. All stand at their true poses, so that no error of tracking keeps two rooms apart.
-Where a door shows one room from the next, both have seen the same place: a join to 10 cm is right there.
+`python -m hsslam_bench.scripts.lookalike_rooms SEED`: in each of thirty pairs the map has one room of
+`synth:lookalike`, and the fragment the next. Five controls have map and fragment in one room, with frames
+between the map's keyframes. All keyframes have their true poses, so that no tracking error separates two
+rooms. If both see the same place through a door, a join within 10 cm is right.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.scenes.lookalike import ROOM_M, ROOMS_A_ROW, lookalike_poses
 from hsslam_node.tracking.places.relocalisation import Relocalisation
 
-_KEYFRAMES = 12  # of the map's room, and of the fragment
+_KEYFRAMES = 12  # of map and fragment, each
 _CONTROLS = 5
-_OFF_M = 0.1  # a join that is off by more is wrong
+_OFF_M = 0.1  # a join with a larger error is wrong
 
 
 @dataclass(frozen=True)
 class _Views:
-    """Of one room, in their order."""
+    """Frames of one room in order, with their true poses."""
 
     frames: list[Frame]
     T_world_cam: np.ndarray  # [n, 4, 4]
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def lookalike_rooms(seed: int, rooms: int) -> dict[str, Any]:
-    """How many pairs of rooms would be joined, and how many controls."""
+    """Counts of pairs of rooms that would be joined, and of controls."""
     views = [_views_of(seed, room) for room in range(rooms)]
     pairs = [_compared(views[k], views[(k + 1) % rooms], slice(0, None, 2)) for k in range(rooms)]
     joins = [agreed for found in pairs if (agreed := agreed_meetings(found))]
@@ -69,7 +69,7 @@ def lookalike_rooms(seed: int, rooms: int) -> dict[str, Any]:
 
 
 def _is_joined(found: list[CheckedMeeting]) -> bool:
-    """Both have the coordinate frame of the world."""
+    """Whether a control joins rightly: map and fragment have the same world."""
     agreed = agreed_meetings(found)
     return bool(agreed) and _off_m(agreed) < _OFF_M
 
@@ -80,13 +80,13 @@ def _off_m(agreed: list[CheckedMeeting]) -> float:
 
 
 def _alike(found: list[CheckedMeeting]) -> float:
-    """Share of the blocks of all meetings that show the same; 1 without any."""
+    """Share of the compared blocks of all meetings that look alike; 1 without blocks."""
     compared = sum(m.pictures.compared for m in found)
     return sum(m.pictures.alike for m in found) / compared if compared else 1.0
 
 
 def _compared(known: _Views, seen: _Views, rows: slice) -> list[CheckedMeeting]:
-    """Meetings of every second view of `seen` with every second one of `known`."""
+    """Meetings of the views `rows` of `seen` with every second view of `known`."""
     store = _store(known, slice(0, None, 2))
     fragment = _store(seen, rows)
     config: TrackerConfig = REALTIME.tracker
@@ -111,12 +111,12 @@ def _store(views: _Views, rows: slice) -> KeyframeStore:
 
 
 def _views_of(seed: int, room: int) -> _Views:
-    """Views from a room, evenly spread over the time in it."""
+    """Views of a room, evenly spread over the time in it."""
     at = lookalike_poses(None, seed)[:, :2, 3]  # [n, 2]
     row, k = divmod(room, ROOMS_A_ROW)
     low = np.array([k * ROOM_M[0], row * ROOM_M[1]])
     inside = np.flatnonzero(((at > low) & (at < low + ROOM_M)).all(axis=1))
-    # the round begins in a room, whose frames then come at both ends
+    # the first room also has frames at the end of the round: use only the first visit
     inside = inside[: int((np.diff(inside, append=len(at)) > 1).argmax()) + 1]
     stride = max(len(inside) // (2 * _KEYFRAMES), 1)
     synth = SynthOptions(width_px=320, height_px=240, seed=seed)

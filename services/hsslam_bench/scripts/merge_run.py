@@ -1,7 +1,7 @@
-"""Two sessions merged against one run over the whole, in one process, as JSON on stdout.
+"""Compares two merged sessions with one run over all frames, in one process; prints JSON.
 
-`python -m hsslam_bench.scripts.merge_run SOURCE SEED`: a session over the first 55 % of the sequence, one
-over the last 55 %, which begins in a world of its own, and one over all of it.
+`python -m hsslam_bench.scripts.merge_run SOURCE SEED` runs a session over the first 55 % of the sequence, one
+over the last 55 %, which has its own world, and one over all frames.
 """
 
 import json
@@ -24,7 +24,7 @@ from hsslam_node.merging.merge_maps import merge_maps
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options.source import SourceOptions
 
-_SHARE = 0.55  # of the sequence that a session sees
+_SHARE = 0.55  # of the frames, for each session
 _QUICK_FRAMES = 120
 
 
@@ -37,7 +37,7 @@ def main() -> None:
 def merge_run(
     config: SlamConfig, spec: str, options: SourceOptions, folder: Path
 ) -> dict[str, Any]:
-    """ATE (m) of the whole run, of each session and of both merged, and in how many places they met.
+    """ATE (m) of the whole run, of each session and of both merged; number of places where they meet.
 
     Raises:
         UserError: the sessions do not meet.
@@ -54,7 +54,7 @@ def merge_run(
     found = merge_maps(MemoryAllocator(), folder / "first", folder / "second", options.seed)
     now = np.split(found.store.poses(), [found.seam])
     merged = joined(*map(carried, parts, found.parts, now))
-    stamps_ns, rows = np.unique(merged.stamps_ns, return_index=True)  # both saw some frames
+    stamps_ns, rows = np.unique(merged.stamps_ns, return_index=True)  # some frames are in both
     merged = Trajectory(stamps_ns, merged.T_world_cam[rows])
     return {
         "whole_m": ate(whole, truth.trajectory).rmse_m,
@@ -71,7 +71,7 @@ def merge_run(
 def _session(
     config: SlamConfig, spec: str, options: SourceOptions, path: Path | None = None
 ) -> Trajectory:
-    """The trajectory of a run over these frames; its map is saved at `path`."""
+    """The trajectory of a run over these frames; saves its map at `path`, if given."""
     source, _ = source_with_truth(spec, options)
     slam = Slam(config, options.seed)
     published(slam, source.frames())

@@ -1,7 +1,7 @@
-"""Speed and accuracy of one preset in one process, as JSON on stdout.
+"""Measures speed and accuracy of one preset in one process; prints JSON.
 
-`python -m hsslam_bench.scripts.preset_speed PRESET SOURCE FRAMES`, alone: tracking and mapping of a frame
-one after the other, so that no preset gains by leaving work out.
+`python -m hsslam_bench.scripts.preset_speed PRESET SOURCE FRAMES` tracks and maps each frame in turn, so that
+no preset gains by skipping work.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("frames", type=int)
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
     parser.add_argument("--quick", action="store_true", help="a few frames, a poor first map")
-    parser.add_argument("--threads", type=int, default=1, help="that compute at once on the CPU")
+    parser.add_argument("--threads", type=int, default=1, help="number of CPU threads")
     arguments = parser.parse_args()
     config = _preset(arguments.preset)
     frames = arguments.frames
@@ -50,14 +50,14 @@ def main() -> None:
 
 
 def preset_speed(config: SlamConfig, source: str, frames: int, device: Device) -> dict[str, Any]:
-    """Frames per second after the first (its map is made once), and ATE over all of them.
+    """Frames per second without the first frame, which makes the first map, and ATE over all frames.
 
-    Reading the images is not counted; on a GPU, neither are the frames while kernels are compiled.
+    The time excludes reading images and, on a GPU, the first frames, during which kernels are compiled.
     """
     torch.set_num_threads(1)
     options = SourceOptions(frames=frames)
     truth = open_ground_truth(source, options)
-    warm_start(config, device)  # machine code is loaded, for all presets alike
+    warm_start(config, device)  # load compiled kernels first, for all presets
     slam = Slam(config, device=device)
     seconds, stamps_ns, results = [], [], []
     for frame in open_source(source, options).frames():

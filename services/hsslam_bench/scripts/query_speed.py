@@ -1,6 +1,6 @@
-"""How many points a second a map answers, as JSON on stdout.
+"""Measures how many points a second a map answers; prints JSON.
 
-`python -m hsslam_bench.scripts.query_speed`, alone, one numeric thread. Times are of the process.
+`python -m hsslam_bench.scripts.query_speed` uses one numeric thread. Times are process times.
 """
 
 import argparse
@@ -21,8 +21,8 @@ from hsslam_node.sources.options.synth import SynthOptions
 
 _FRAMES, _QUICK_FRAMES = 60, 6
 _POINTS, _QUICK_POINTS = 1_000_000, 10_000
-_AT_ONCE = 100_000  # as many as a request takes
-_TURNS = 5  # the median counts
+_AT_ONCE = 100_000  # most points of a request
+_TURNS = 5  # the result is their median
 
 
 def main() -> None:
@@ -34,7 +34,7 @@ def main() -> None:
 def query_speed(quick: bool = False) -> dict[str, float]:
     """Points a second with distance, gradient, known and certainty, near surfaces, in random order.
 
-    `first_s` is the time of the first question, which looks through the depth of `keyframes` keyframes.
+    `first_s`: time of the first query, which reads the depth of `keyframes` keyframes.
     """
     torch.set_num_threads(1)
     slam, points = _map_and_points(quick)
@@ -57,7 +57,7 @@ def query_speed(quick: bool = False) -> dict[str, float]:
 
 
 def _map_and_points(quick: bool) -> tuple[Slam, np.ndarray]:
-    """A map of the built-in room, and points [N, 3] m within 4 cm of what its keyframes measured."""
+    """A map of the built-in room, and points [N, 3] m within 4 cm of the depth of its keyframes."""
     size = SynthOptions(width_px=160, height_px=120) if quick else SynthOptions()
     frames = _QUICK_FRAMES if quick else _FRAMES
     slam = Slam(PRESETS["realtime"])

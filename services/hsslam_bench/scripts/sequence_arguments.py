@@ -1,4 +1,4 @@
-"""The command line of a script that runs one seed of a sequence; apart, as several scripts have it."""
+"""The command line of scripts that run one seed of a sequence; apart, as several scripts share it."""
 
 import argparse
 
@@ -11,12 +11,12 @@ from hsslam_node.sources.options.source import SourceOptions
 def sequence_arguments(
     prog: str, purpose: str | None, quick_frames: int
 ) -> tuple[SlamConfig, str, SourceOptions]:
-    """Configuration, source and its options, from `SOURCE SEED [--noise kinect] [--frames N] [--quick]`."""
+    """Parse `SOURCE SEED [--noise kinect] [--frames N] [--quick]` to configuration, source and options."""
     parser = argparse.ArgumentParser(prog=prog, description=purpose)
     parser.add_argument("source")
     parser.add_argument("seed", type=int)
     parser.add_argument("--noise", choices=("none", "kinect"), default="none")
-    parser.add_argument("--frames", type=int, help="of the sequence, the first")
+    parser.add_argument("--frames", type=int, help="use the first N frames")
     parser.add_argument("--quick", action="store_true", help="few frames, a poor first map")
     arguments = parser.parse_args()
     config, frames = PRESETS["realtime"], arguments.frames

@@ -1,4 +1,4 @@
-"""A source with a true pose for every frame, and what the library publishes of some of its frames."""
+"""Opens a source with a true pose for every frame, and collects the library's poses for its frames."""
 
 import time
 from collections.abc import Iterable
@@ -20,18 +20,18 @@ _QUICK_ITERATIONS = 3
 
 @dataclass(frozen=True)
 class Published:
-    """What was published for each of n frames."""
+    """The poses that the library published for n frames."""
 
-    tracked: np.ndarray  # [n] bool, not lost
-    T_world_cam: np.ndarray  # [n, 4, 4] as known at the time
+    tracked: np.ndarray  # [n] bool, False: lost
+    T_world_cam: np.ndarray  # [n, 4, 4] as published, before later corrections
     took_s: np.ndarray  # [n] tracking and mapping
 
 
 def source_with_truth(spec: str, options: SourceOptions) -> tuple[Source, GroundTruth]:
-    """The source, and the truth about it.
+    """Open a source and its ground truth.
 
     Raises:
-        UserError: not every frame has a true pose.
+        UserError: a frame has no true pose.
     """
     source, truth = open_source(spec, options), open_ground_truth(spec, options)
     if truth is None or len(truth.T_world_cam) != source.frame_count:
@@ -40,10 +40,10 @@ def source_with_truth(spec: str, options: SourceOptions) -> tuple[Source, Ground
 
 
 def published(slam: Slam, frames: Iterable[Frame | BadFrame]) -> Published:
-    """Give the frames to the library, one after the other.
+    """Track and map the frames in turn.
 
     Raises:
-        UserError: one of them could not be read.
+        UserError: a frame is not readable.
     """
     results, took_s = [], []
     for frame in frames:
@@ -58,5 +58,5 @@ def published(slam: Slam, frames: Iterable[Frame | BadFrame]) -> Published:
 
 
 def with_poor_first_map(config: SlamConfig) -> SlamConfig:
-    """For `--quick`: to see whether a script works, not how well."""
+    """The configuration with few first iterations, for `--quick`, which only tests a script."""
     return replace(config, mapper=replace(config.mapper, first_iterations=_QUICK_ITERATIONS))

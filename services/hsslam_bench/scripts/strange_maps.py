@@ -1,8 +1,8 @@
-"""Sessions in different places, which must not merge, as JSON on stdout.
+"""Counts wrong merges of sessions in different places; prints JSON.
 
-`python -m hsslam_bench.scripts.strange_maps SEED`: seven rooms of the apartment against seven rooms of the
-mirror image of another apartment, each with each, and the apartment's hall against the corridor: 50 pairs.
-Keyframes stand at their true poses, so that no error of tracking keeps two maps apart.
+`python -m hsslam_bench.scripts.strange_maps SEED` compares each of seven rooms of the apartment with each of
+seven rooms of the mirror image of another apartment, and the apartment's hall with the corridor: 50 pairs.
+Keyframes have their true poses, so that no tracking error separates two maps.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from hsslam_node.presets import REALTIME
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 
-_ROOMS, _FRAMES, _EVERY = 7, 315, 15  # frames in a room, and from keyframe to keyframe
+_ROOMS, _FRAMES, _EVERY = 7, 315, 15  # rooms, frames of a room, frames from keyframe to keyframe
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def strange_maps(seed: int, rooms: int) -> dict[str, Any]:
-    """How many pairs there are, how many would merge, and the most places that agree in one of them."""
+    """Number of pairs, number that would merge, and the most places that agree in a pair."""
     places = [
         places_apart(agreeing(_meetings(first, second))) for first, second in _pairs(seed, rooms)
     ]
@@ -54,7 +54,7 @@ def strange_maps(seed: int, rooms: int) -> dict[str, Any]:
 
 
 def in_mirror(stretch: Stretch) -> Stretch:
-    """What a camera sees in the mirror image of the place, in which nothing lies as in the place."""
+    """The keyframes of a camera in the mirror image of the place."""
     frames = [
         replace(f, color=f.color[:, ::-1].copy(), depth_raw=f.depth_raw[:, ::-1].copy())
         for f in stretch.frames

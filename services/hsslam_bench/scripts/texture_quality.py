@@ -1,10 +1,9 @@
-"""How well the exported meshes of a run draw frames that are no keyframes, as JSON on stdout.
+"""Measures how well exported meshes of a run reproduce frames that are no keyframes; prints JSON.
 
-`python -m hsslam_bench.scripts.texture_quality RUN SOURCE`: `hsslam-map export --format glb` writes the saved
-map of a run folder with colours of vertices and with a texture. Both are read again by trimesh, and drawn
-from the poses that the run gave to every eighth frame. Pixels count where both meshes have the depth that the
-frame measured, as only colours are compared. The exposure of a camera that changes it is no property of a
-mesh: each drawn view is multiplied by the factor that fits it best.
+`python -m hsslam_bench.scripts.texture_quality RUN SOURCE` exports the saved map of a run folder with
+`hsslam-map export --format glb`, once with vertex colours and once with a texture. It reads both files with
+trimesh and draws them from the run's poses of every eighth frame. A pixel counts if both meshes have the
+frame's depth there, so that only colours differ. A factor fitted to each view removes changes of exposure.
 """
 
 import argparse
@@ -28,9 +27,9 @@ from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.sources.open_source import open_source
 from hsslam_services.commands.maps.command import main as hsslam_map
 
-_EVERY, _FIRST = 8, 3  # keyframes of a steady camera are even numbers
+_EVERY, _FIRST = 8, 3  # odd frames: keyframes of a steady camera are even
 _SAME_M = 0.03
-_NEAR_NS = 2_000_000  # stamps of a trajectory are rounded to microseconds, at least
+_NEAR_NS = 2_000_000  # tolerance for rounded stamps
 
 
 def main() -> None:
@@ -68,7 +67,7 @@ def main() -> None:
 
 
 def _exported(run: Path, out: Path, *more: str) -> tuple[trimesh.Trimesh, float]:
-    """The mesh of a file that the command writes, in the map's axes, and the seconds that it took."""
+    """Export a mesh with the command; returns it in the map's axes, and the seconds that this took."""
     arguments = ["export", str(run), "--format", "glb", "--out", str(out), "--device", "cpu", *more]
     began = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()):
@@ -81,7 +80,7 @@ def _exported(run: Path, out: Path, *more: str) -> tuple[trimesh.Trimesh, float]
 
 
 def _other_frames(run: Path, spec: str) -> Iterator[tuple[Frame, np.ndarray]]:
-    """Frames that are no keyframes, with the poses T_world_cam [4, 4] that the run gave them."""
+    """Frames that are no keyframes, with their poses T_world_cam [4, 4] in the run."""
     trajectory = read_tum(run / "trajectory.txt")
     keyframes_ns = load_checkpoint(run / "map.safetensors").keyframe_stamps_ns
     for number, frame in enumerate(open_source(spec).frames()):
@@ -94,12 +93,12 @@ def _other_frames(run: Path, spec: str) -> Iterator[tuple[Frame, np.ndarray]]:
 
 
 def _is_true(depth_m: np.ndarray, frame: Frame) -> np.ndarray:
-    """Mask [H, W] of the pixels whose drawn depth [H, W] m is that of the frame."""
+    """Mask [H, W] of the pixels whose drawn depth [H, W] m agrees with the frame's depth."""
     return (frame.depth_raw > 0) & (np.abs(depth_m - frame.depth_m()) < _SAME_M)
 
 
 def _fitted_psnr_db(drawn: np.ndarray, true: np.ndarray) -> float:
-    """Of colours [n, 3] 0..1, after the factor of least squares."""
+    """PSNR of colours [n, 3] in 0..1, after multiplication by the least-squares factor."""
     return psnr_db(drawn * ((drawn * true).sum() / (drawn * drawn).sum()), true)
 
 

@@ -1,6 +1,6 @@
-"""Where the tracker's time goes, as JSON on stdout: stage -> mean ms.
+"""Measures the stages of tracking; prints JSON: stage -> mean ms.
 
-`python -m hsslam_bench.scripts.tracking_stages`, alone, one numeric thread.
+`python -m hsslam_bench.scripts.tracking_stages` uses one numeric thread.
 """
 
 import argparse
@@ -16,14 +16,14 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 
 _FRAMES, _QUICK_FRAMES = 120, 8
-_FIRST = 4  # frames that are not measured: caches and lazy imports
-_FRAME_STAGES = {  # functions of which each frame needs one
+_FIRST = 4  # frames to skip: caches and lazy imports
+_FRAME_STAGES = {  # one call a frame; the result is ms a frame
     "track": ("tracker.py", "track"),
     "pyramid": ("reference_keyframe.py", "grey_pyramid"),
     "points": ("tracker.py", "_points"),
     "align": ("alignment.py", "align"),
 }
-_CALL_STAGES = {  # of which only some frames have one
+_CALL_STAGES = {  # in some frames only; the result is ms a call
     "keyframe": ("store.py", "append"),
     "reference": ("reference_keyframe.py", "reference_keyframe"),
     "odometry": ("odometry.py", "rgbd_odometry"),
@@ -43,7 +43,7 @@ def tracking_stages(quick: bool = False) -> dict[str, float]:
     frames = _QUICK_FRAMES if quick else _FRAMES
     source = open_source("synth:room", SourceOptions(frames=frames, synth=size))
     slam = Slam(PRESETS["realtime"])
-    profile = cProfile.Profile()  # a few hundred calls a frame: its own cost is below 1 %
+    profile = cProfile.Profile()  # its overhead is below 1 %, with a few hundred calls a frame
     for index, frame in enumerate(f for f in source.frames() if isinstance(f, Frame)):
         if index >= _FIRST:
             profile.enable()

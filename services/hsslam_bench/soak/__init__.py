@@ -1,1 +1,1 @@
-"""Long runs of the service: watched while they go on, and judged by what they used and left."""
+"""Watches long runs of the service, and judges their memory, latency, accuracy and end."""

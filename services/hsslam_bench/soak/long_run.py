@@ -1,4 +1,4 @@
-"""A run of minutes or an hour, watched: poses, memory of all processes, and when its end had what."""
+"""Watches a run of minutes or an hour: poses, memory of all processes, and the times of its end."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,9 +22,9 @@ _TRAJECTORY, _MAP = "trajectory.txt", "map.safetensors"
 
 @dataclass(frozen=True)
 class EndTimes:
-    """Seconds from the signal, or the last frame, until files are first there and the service has ended.
+    """Seconds from the signal, or the last pose, until files are first written and the service has ended.
 
-    They may be written again, after a last correction.
+    The service may write files again after a last correction.
     """
 
     trajectories_s: float
@@ -34,7 +34,7 @@ class EndTimes:
 
 @dataclass(frozen=True)
 class LongRun:
-    """What was seen of a run that has ended with code 0."""
+    """The observations of a run that has ended with code 0."""
 
     folder: Path
     poses: Sequence[Pose]
@@ -44,23 +44,23 @@ class LongRun:
     summary: dict[str, Any]
     left_behind: Sequence[str]
     viewer_bytes: int = 0
-    viewer_seconds: Sequence[int] = ()  # of the wall clock, in which the viewer took data
-    killed: Sequence[str] = field(default_factory=tuple)  # lines on processes that did not end
+    viewer_seconds: Sequence[int] = ()  # of the wall clock, in which the viewer received data
+    killed: Sequence[str] = field(default_factory=tuple)  # log lines about killed processes
 
     @property
     def minutes(self) -> float:
-        """From the first pose to the last."""
+        """Minutes from the first pose to the last."""
         return (self.poses[-1].publish_ns - self.poses[0].publish_ns) / 60e9
 
     @property
     def viewer_share(self) -> float:
-        """Share of the seconds from the second pose, with which the run's clock begins, to the last in which
-        the viewer took data."""
+        """Share of the seconds in which the viewer received data, from the second pose, at which the run's
+        clock begins, to the last."""
         begin_ns, end_ns = self.poses[1].publish_ns, self.poses[-1].publish_ns
         return looked_share(self.viewer_seconds, begin_ns, end_ns)
 
     def memory_mb(self) -> list[tuple[float, float]]:
-        """Minutes since the first pose, and the memory of all processes then (shared pages once), MB."""
+        """Samples of minutes since the first pose, and memory of all processes (shared pages once), MB."""
         begin_ns = self.poses[0].publish_ns
         return [
             ((s.time_ns - begin_ns) / 60e9, sum(s.pss_bytes.values()) / 1e6)
@@ -69,7 +69,7 @@ class LongRun:
         ]
 
     def memory_by_process_mb(self) -> dict[str, list[float]]:
-        """Memory of each process at the end of each minute (shared pages divided among users), MB."""
+        """Memory (PSS) of each process at the end of each minute, MB."""
         begin_ns = self.poses[0].publish_ns
         by_minute = {
             int((s.time_ns - begin_ns) / 60e9): s.pss_bytes
@@ -83,7 +83,7 @@ class LongRun:
         }
 
     def latencies_ms(self) -> list[tuple[float, float]]:
-        """Minutes since the first pose and latency of every pose after it, ms."""
+        """Minutes since the first pose, and latency, ms, of every later pose."""
         begin_ns = self.poses[0].publish_ns
         return [
             ((p.publish_ns - begin_ns) / 60e9, (p.publish_ns - p.stamp_ns) / 1e6)
@@ -102,7 +102,7 @@ def watch(
     """Run the service for `seconds` of poses (None: until its source ends), and watch it.
 
     Raises:
-        RunFailedError: another exit code than 0, or no end.
+        RunFailedError: the exit code is not 0, or the run does not end.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     run = LiveRun(folder, *options, viewer="web" if viewer else "none")
@@ -169,5 +169,5 @@ def _watched(
 
 
 def _seconds_until(written_ns: int | None, from_ns: int) -> float:
-    """From one time to another, s; infinite if a file was never written."""
+    """Seconds between two times; infinite if a file was never written."""
     return float("inf") if written_ns is None else (written_ns - from_ns) / 1e9

@@ -1,4 +1,4 @@
-"""What is held against bounds: memory by minute, latency by quarter, accuracy, keyframes, the end."""
+"""The figures that have bounds: memory by minute, latency by quarter, accuracy, keyframes, the end."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from hsslam_node.geometry.trajectory import read_tum
 from hsslam_services.run.run_info import RunInfo
 
 _QUARTERS = 4
-_WARM_SHARE = 1 / 6  # of the run: until minute 10 of 60 memory may grow
+_WARM_SHARE = 1 / 6  # of the run in which memory may grow: 10 of 60 minutes
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Memory:
     """Memory of all processes of a run, MB."""
 
     by_minute_mb: Sequence[float]  # after the first sixth
-    spread: float  # largest distance of these from the median, as a share of it
-    most_mb: float  # from the first pose to the last
-    whole_mb: float  # the most with start and end
+    spread: float  # largest relative difference of these from their median
+    most_mb: float  # peak from the first pose to the last
+    whole_mb: float  # peak with start and end
 
 
 def memory_of(run: LongRun) -> Memory:
-    """Means of each minute after the first sixth; shorter runs have fewer of them, but at least one."""
+    """Memory figures of a run; the means are those of each minute after the first sixth of the run."""
     times, sizes = np.array(run.memory_mb()).T if run.memory_mb() else np.zeros((2, 0))
     late = times > run.minutes * _WARM_SHARE
     if not late.any():
@@ -54,7 +54,7 @@ def p99_by_quarter_ms(run: LongRun) -> list[float]:
 
 
 def keyframes_after(run: LongRun, seconds: float) -> int:
-    """How many keyframes are of frames later than so long after the first frame."""
+    """Number of keyframes whose frames are more than `seconds` after the first frame."""
     begin_ns = run.poses[0].source_stamp_ns
     return sum(k.source_stamp_ns - begin_ns > seconds * 1e9 for k in run.keyframes)
 
@@ -63,7 +63,7 @@ def ate_of(folder: Path) -> float:
     """ATE RMSE of the trajectory of a run against the truth of its source, m; NaN with too few poses.
 
     Raises:
-        RunFailedError: the source has no truth.
+        RunFailedError: the source has no ground truth.
     """
     options = RunInfo.read(folder).options
     truth = open_ground_truth(options.source, options.source_options)
@@ -73,12 +73,12 @@ def ate_of(folder: Path) -> float:
 
 
 def ended_in_time(end: EndTimes, everything_s: float) -> bool:
-    """Whether trajectories came in 2 s, the map in 10 s, everything in `everything_s`."""
+    """Whether trajectories were written in 2 s, the map in 10 s, and the run ended in `everything_s`."""
     return end.trajectories_s <= 2.0 and end.map_s <= 10.0 and end.everything_s <= everything_s
 
 
 def end_in_words(end: EndTimes) -> str:
-    """The times of an end."""
+    """The times of an end in one line."""
     return (
         f"trajectories {end.trajectories_s:.1f} s, map {end.map_s:.1f} s, everything "
         f"{end.everything_s:.1f} s"
