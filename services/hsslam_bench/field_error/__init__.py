@@ -1,1 +1,1 @@
-"""How far the map's zero level lies from the true surface, measured at true poses."""
+"""The distance of the map's zero level from the true surface, measured at true poses."""

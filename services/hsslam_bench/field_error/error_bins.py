@@ -1,4 +1,4 @@
-"""Errors at surface points, by distance and by how often a place was seen: bias and deviation."""
+"""Bias and deviation of errors at surface points, by distance and by number of keyframes that saw them."""
 
 from dataclasses import dataclass
 
@@ -6,17 +6,17 @@ import numpy as np
 
 DISTANCES_M = ((0.5, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 5.0))
 TIMES_SEEN = ((1, 3), (4, 9), (10, 1 << 30))
-TARGET_M, TARGET_TIMES = (1.0, 3.0), TIMES_SEEN[-1]  # where the map has to be good
+TARGET_M, TARGET_TIMES = (1.0, 3.0), TIMES_SEEN[-1]  # the bin that the bounds are for
 _FEWEST = 50
 _NORMAL = 1.4826  # deviation of a normal distribution over its median absolute deviation
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Of the points of one bin; nan where there are too few."""
+    """Errors of the points of one bin; nan if there are too few points."""
 
     points: int
-    told: float  # share of the points that the map says something of, 0 to 1
+    told: float  # share of the points with a value of the map, 0 to 1
     median_m: float
     mean_m: float
     robust_m: float  # deviation by the median absolute deviation
@@ -24,7 +24,7 @@ class Errors:
 
     @classmethod
     def of(cls, error_m: np.ndarray) -> "Errors":
-        """Of signed errors [N], m; nan where the map says nothing."""
+        """Statistics of signed errors [N], m; nan: the map has no value."""
         known = error_m[np.isfinite(error_m)].astype(np.float64)
         told = len(known) / max(len(error_m), 1)
         if len(known) < _FEWEST:
@@ -39,7 +39,7 @@ class Errors:
 
 
 def errors_by_bin(error_m: np.ndarray, depth_m: np.ndarray, seen: np.ndarray) -> dict[str, Errors]:
-    """By bin, such as "1-2 m, seen 4-9"; all three [N]. "target" is what the map is held to."""
+    """Errors by bin, such as "1-2 m, seen 4-9"; arguments [N]. The bounds are for the bin "target"."""
     bins = {
         f"{near:g}-{far:g} m, seen {least}" + (f"-{most}" if most < 1 << 30 else " and more"): (
             (near, far),

@@ -1,8 +1,8 @@
-"""Error of the map at true surfaces, made at true poses, as JSON on stdout; a TSDF beside it.
+"""Measures the error at true surfaces of a map and of a TSDF, both made at true poses; prints JSON.
 
-`python -m hsslam_bench.field_error.run SOURCE SEED [--noise kinect]`: every fourth frame is mapped
-as lockstep maps it. After each, the map is asked for its distance at points of the true surface that the
-second frame after it shows. Only here the map is given true poses.
+`python -m hsslam_bench.field_error.run SOURCE SEED [--noise kinect]` maps every fourth frame as lockstep
+does. After each of these keyframes it queries the map's distance at points of the true surface that the
+second frame after it shows.
 """
 
 import argparse
@@ -27,8 +27,8 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.sources.options.source import SourceOptions
 
 _FRAMES, _QUICK_FRAMES = 320, 24
-_ASKED_AFTER = 2  # frames after a keyframe
-_LEAST_SLOPE = 0.3  # of the distance, m/m: below it is no distance
+_QUERY_AFTER = 2  # frames after a keyframe
+_LEAST_SLOPE = 0.3  # of the SDF, m/m; a smaller slope counts as this
 
 
 def main() -> None:
@@ -46,22 +46,22 @@ def main() -> None:
 
 @dataclass(frozen=True)
 class Asked:
-    """What map and TSDF said of the points of one view."""
+    """Values of map and TSDF at the points of one view."""
 
     points: SurfacePoints
-    seen: np.ndarray  # [N] keyframes that had seen them
-    sdf_m: np.ndarray  # [N] signed distance; nan: the map says nothing
+    seen: np.ndarray  # [N] number of keyframes that saw each point
+    sdf_m: np.ndarray  # [N] signed distance; nan: the map has no value
     slope: np.ndarray  # [N] length of its gradient, m/m
-    tsdf_m: np.ndarray | None  # [N] the TSDF's surface behind the point, along the normal
+    tsdf_m: np.ndarray | None  # [N] distance of the TSDF's surface behind each point
 
     @property
     def distance_m(self) -> np.ndarray:
-        """The signed distance over its slope [N], m: how far the surface is to first order."""
+        """The SDF over its slope [N], m: the distance of the surface to first order."""
         return self.sdf_m / np.maximum(self.slope, _LEAST_SLOPE)
 
 
 def field_error(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:
-    """Errors by bin: of the SDF as it is, of the SDF over its slope, and of the TSDF."""
+    """Errors by bin of the SDF, of the SDF over its slope, and of the TSDF."""
     torch.set_num_threads(1)
     found = list(ask(config, true_frames(spec, options), options.seed, _volume()))
     depth_m = np.concatenate([asked.points.depth_m for asked in found])
@@ -84,7 +84,7 @@ def field_error(config: SlamConfig, spec: str, options: SourceOptions) -> dict[s
 def ask(
     config: SlamConfig, frames: Iterator[TrueFrame], seed: int, tsdf: TsdfVolume | None = None
 ) -> Iterator[Asked]:
-    """Map the frames; yields what is said of one view after each keyframe."""
+    """Map the frames; yields the values at the points of one view after each keyframe."""
     every = config.keyframes.every_frames
     generator = np.random.default_rng(seed)
     keyframes: list[tuple[np.ndarray, np.ndarray]] = []
@@ -98,7 +98,7 @@ def ask(
             keyframes.append((view.T_world_cam, view.depth_m))
             if tsdf:
                 tsdf.integrate(view.frame, view.T_world_cam)
-        elif index % every == _ASKED_AFTER and model is not None:
+        elif index % every == _QUERY_AFTER and model is not None:
             points = surface_points(view, generator)
             far_m = config.tracker.max_depth_m
             seen = times_seen(points.world, keyframes, view.frame.camera, far_m)
@@ -119,13 +119,13 @@ def _volume() -> TsdfVolume | None:
 def _behind(
     tsdf: TsdfVolume, camera: Camera, T_world_cam: np.ndarray, points: SurfacePoints
 ) -> np.ndarray:
-    """How far the TSDF's surface lies behind the points, along their normals [N] m; nan: there is none."""
+    """Distance of the TSDF's surface behind the points, along their normals [N], m; nan: no surface."""
     depth_m = tsdf.depth_m(camera, T_world_cam)[points.pixel[:, 1], points.pixel[:, 0]]
     u, v = points.pixel.T
     per_depth = np.hypot(np.hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy), 1.0)
     behind = (depth_m - points.depth_m) * per_depth * points.cosine
-    is_told = (depth_m > 0) & (np.abs(behind) < tsdf.truncation_m)
-    return np.where(is_told, behind, np.nan)
+    is_known = (depth_m > 0) & (np.abs(behind) < tsdf.truncation_m)
+    return np.where(is_known, behind, np.nan)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""True surface points of a view: how they lie, and how many keyframes saw them."""
+"""True surface points of a view, their normals, and the number of keyframes that saw them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from hsslam_node.kernels.tracking.depth_points import sample_points, surface_of_
 
 _COLUMNS, _ROWS = 32, 24
 _BORDER_PX = 8
-_MARGIN_M, _MARGIN_SLOPE = 0.02, 0.01  # between two depths of one surface, with its distance
+_MARGIN_M, _MARGIN_SLOPE = 0.02, 0.01  # between two depths of one surface; m, and m/m of depth
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points of the true surface that one view shows, none on an edge of the depth."""
+    """Points of the true surface in one view, none on an edge of the depth."""
 
     world: np.ndarray  # [N, 3] float32 m
     depth_m: np.ndarray  # [N] planar
-    cosine: np.ndarray  # [N] between the surface's normal and the ray; 1: seen from the front
+    cosine: np.ndarray  # [N] of the angle between normal and ray; 1: seen from the front
     normal: np.ndarray  # [N, 3] world, away from the camera
     pixel: np.ndarray  # [N, 2] int64 (u, v)
 
 
 def surface_points(view: TrueFrame, generator: np.random.Generator) -> SurfacePoints:
-    """Points by the tracker's rule, from exact depth: one random pixel of each cell of a grid."""
+    """Points of exact depth at one random pixel of each cell of a grid, as the tracker samples them."""
     camera = view.frame.camera
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     depth = view.depth_m
@@ -64,7 +64,7 @@ def times_seen(
     camera: Camera,
     far_m: float,
 ) -> np.ndarray:
-    """How many keyframes (pose [4, 4], true depth [H, W] m) saw each of the points [N, 3], [N] int64."""
+    """Number [N] int64 of keyframes (pose [4, 4], true depth [H, W] m) that saw each of the points [N, 3]."""
     seen = np.zeros(len(points), np.int64)
     for T_world_key, depth in keyframes:
         u, v, z = project(points, camera, inverse(T_world_key))

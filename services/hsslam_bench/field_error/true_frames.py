@@ -1,4 +1,4 @@
-"""Frames as a sensor delivers them, each with its true pose and its true depth: for the bench alone."""
+"""Frames with sensor noise, each with its true pose and its true depth; for the benchmark alone."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ from hsslam_node.sources.options.source import SourceOptions
 
 @dataclass(frozen=True)
 class TrueFrame:
-    """What the sensor says, and what is so. The world is the camera of the first frame."""
+    """The frame of the sensor, and the truth. The world is the camera of the first frame."""
 
     frame: Frame
     T_world_cam: np.ndarray  # [4, 4]
-    depth_m: np.ndarray  # [H, W] float32, 0 = nothing there
+    depth_m: np.ndarray  # [H, W] float32, without noise; 0: no depth
 
 
 def true_frames(spec: str, options: SourceOptions) -> Iterator[TrueFrame]:
-    """The frames of a source whose depth is exact, with the noise that the options ask for.
+    """The frames of a source with exact depth, with the noise of the options added.
 
     Raises:
-        UserError: a frame cannot be read, or has no true pose.
+        UserError: a frame is not readable, or has no true pose.
     """
     source, truth = source_with_truth(spec, replace(options, noise="none"))
     noise = KinectNoise(source, options.seed) if options.noise == "kinect" else None

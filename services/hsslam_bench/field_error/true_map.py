@@ -1,4 +1,4 @@
-"""A map made at true poses, keyframe by keyframe, as lockstep makes it at tracked ones."""
+"""A map made keyframe by keyframe as in lockstep, but at true poses."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from hsslam_node.tracking.map_view import MapViews
 
 
 class TrueMap:
-    """Takes keyframes with true poses; answers with what a tracker would read."""
+    """Maps keyframes with true poses; answers queries with the values that a tracker reads."""
 
     def __init__(self, config: SlamConfig, first: TrueFrame, seed: int) -> None:
         c, arrays, frame = config, MemoryAllocator(), first.frame
@@ -42,13 +42,13 @@ class TrueMap:
         self._mapper.publish()
 
     def ask(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """SDF [N], m, and its gradient [N, 3] at points [N, 3] float32 m; nan where the map says nothing."""
+        """SDF [N], m, and its gradient [N, 3] at points [N, 3] float32 m; nan: the map has no value."""
         view = self._views.newest()
         assert view is not None
         n = len(points)
         sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
         gradient = np.empty((n, 3), np.float32)
         query_sdf(view.params, view.layout, points, sdf, inside, gradient, True)
-        is_told = (inside > 0) & (np.abs(sdf) <= 0.95)  # as in `add_sdf_term`
-        scale = np.where(is_told, np.float32(view.truncation_m), np.float32(np.nan))
+        is_known = (inside > 0) & (np.abs(sdf) <= 0.95)  # as in `add_sdf_term`
+        scale = np.where(is_known, np.float32(view.truncation_m), np.float32(np.nan))
         return sdf * scale, gradient * scale[:, None]

@@ -1,1 +1,1 @@
-"""Distances in free space: how far they are from the truth, and how long an update takes."""
+"""Distances in free space: their errors against the truth, and the time of an update."""

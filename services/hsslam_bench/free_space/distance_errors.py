@@ -12,25 +12,25 @@ from hsslam_node.distance.distance_map import DistanceMap, Distances
 from hsslam_node.distance.states import FREE
 from hsslam_node.geometry.se3 import inverse, transformed
 
-LARGE_M = 0.05  # errors that planners mind
-_NO_GRADIENT_M = 0.1  # below the reach of the distances: their gradient ends there
+LARGE_M = 0.05  # errors that matter to planners
+_NO_GRADIENT_M = 0.1  # so close to the largest distance there is no gradient
 
 
 @dataclass(frozen=True)
 class DistanceErrors:
-    """Of the points of one kind."""
+    """Errors over the points of one kind."""
 
     points: int
     mean_m: float  # of absolute errors
     within_5cm: float  # share, 0 to 1
-    optimistic_5cm: float  # share whose distance is too large by more than that
+    optimistic_5cm: float  # share whose distance is more than 5 cm too large
     pessimistic_5cm: float
     gradient_deg: float  # median angle
 
 
 @dataclass(frozen=True)
 class TrueDistances:
-    """Of points, to the nearest triangle."""
+    """Distances of points to the nearest triangle."""
 
     distance_m: np.ndarray  # [N]
     away: np.ndarray  # [N, 3] unit, from the triangle
@@ -48,14 +48,14 @@ def free_points(distances: DistanceMap, count: int, seed: int) -> np.ndarray:
 def true_distances(
     points: np.ndarray, mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
 ) -> TrueDistances:
-    """Of points [N, 3] m, world; exact."""
+    """Exact distances of points [N, 3] m, world."""
     return measure_from(mesh, T_world_mesh)(points)
 
 
 def measure_from(
     mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
 ) -> Callable[[np.ndarray], TrueDistances]:
-    """Gives the true distances of points [N, 3] m, world, again and again."""
+    """A function that returns the true distances of points [N, 3] m, world."""
     vertices = transformed(T_world_mesh, np.asarray(mesh.vertices))
     faces = np.asarray(mesh.faces, np.int64)
     tree = igl.AABB()
@@ -75,7 +75,7 @@ def measure_from(
 def distance_errors(
     found: Distances | MapAnswers, truth: TrueDistances, far_m: float, mask: np.ndarray
 ) -> DistanceErrors:
-    """Of the points of a mask [N]. Beyond `far_m` distances count as that, and gradients do not."""
+    """Errors at the points of a mask [N]; larger distances count as `far_m`, without their gradients."""
     true_m = np.minimum(truth.distance_m, far_m)[mask]
     error = found.distance_m[mask] - true_m
     steep = true_m < far_m - _NO_GRADIENT_M

@@ -1,4 +1,4 @@
-"""The place of something that is carried off: whether frames see through it, and what is said of it then."""
+"""The former place of an object that was carried off: whether frames see through it, and maps free it."""
 
 from dataclasses import dataclass
 
@@ -11,22 +11,22 @@ from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.synth.rendering.scene_mesh import scene_mesh
 from hsslam_node.synth.scenes.carried_off import CarriedOff
 
-_ABOVE_FLOOR_M = 0.05  # what is lower is the floor's, or its carpet's
-_THROUGH_M = 0.05  # farther than the place by this, and a pixel sees through it
-_FREE_M = 0.05  # a voxel; nothing else is so near
+_ABOVE_FLOOR_M = 0.05  # lower points are of the floor or its carpet
+_THROUGH_M = 0.05  # a pixel sees through a point if its depth is larger by this
+_FREE_M = 0.05  # a voxel; no other surface is so near
 
 
 @dataclass(frozen=True)
 class FormerPlace:
-    """Where something stood, in the room and in the world of a run."""
+    """The former place of an object, in the room and in the world of a run."""
 
-    points: np.ndarray  # [N, 3] m, world: of its surface, as high as cells of a grid look
+    points: np.ndarray  # [N, 3] m, world: of its surface, above the heights that the grid ignores
     box_m: np.ndarray  # [2, 3], low and high corner in the room, above the floor
     T_room_world: np.ndarray  # [4, 4]
 
     @classmethod
     def of(cls, thing: CarriedOff, T_room_world: np.ndarray) -> "FormerPlace":
-        """The place of a thing; the room has z up and its floor at z = 0."""
+        """The place of an object; the room has z up and its floor at z = 0."""
         vertices = np.asarray(scene_mesh(list(thing.parts)).vertices)
         high = vertices[vertices[:, 2] > LOW_M + _ABOVE_FLOOR_M]
         box_m = thing.box_m
@@ -34,7 +34,7 @@ class FormerPlace:
         return cls(transformed(inverse(T_room_world), high), box_m, T_room_world)
 
     def seen_through(self, view: TrueFrame) -> np.ndarray:
-        """Mask [N] of the points that are in the picture, nearer than what the true depth shows there."""
+        """Mask [N] of the points that lie in the image, in front of the true depth there."""
         camera = view.frame.camera
         x, y, z = transformed(inverse(view.T_world_cam), self.points).T
         ahead = np.maximum(z, 1e-6)
@@ -48,20 +48,20 @@ class FormerPlace:
         return through
 
     def is_free_in_grid(self, grid: GridMap) -> bool:
-        """Whether all cells under the place are free."""
+        """Whether all cells of the place are free."""
         return bool((self._cells(grid) == CELL_FREE).all())
 
     def is_occupied_in_grid(self, grid: GridMap) -> bool:
-        """Whether at least half of its points lie over occupied cells."""
+        """Whether at least half of the points lie in occupied cells."""
         return bool((self._cells(grid) == CELL_OCCUPIED).mean() >= 0.5)
 
     def is_free_in(self, distances: DistanceMap) -> bool:
-        """Whether nothing is within a voxel of the place, and all of it is known."""
+        """Whether all points are known, and farther than a voxel from any surface."""
         found = distances.query(self.points.astype(np.float32))
         return bool(found.known.all() and (found.distance_m > _FREE_M).all())
 
     def count_inside(self, vertices: np.ndarray) -> int:
-        """How many of the vertices [V, 3] m, world, lie in the box."""
+        """Number of the vertices [V, 3] m, world, that lie in the box."""
         places = transformed(self.T_room_world, vertices)
         low, high = self.box_m
         return int(((places > low) & (places < high)).all(axis=1).sum())

@@ -1,10 +1,10 @@
-"""How long what is carried off stays in grid, distances and mesh, as JSON on stdout.
+"""Measures how long a carried-off chair stays in grid, distances and mesh; prints JSON.
 
-`python -m hsslam_bench.free_space.moved SEED [--noise kinect] [--poses tracked|true]`: the library tracks
-and maps `synth:chair` in lockstep; ten times a second of the frames a rolling window takes one in at its
-tracked pose, as the service does. Once the chair is gone, the seconds of the frames count from the first
-frame by which all of its place has been seen through to the first update that says it is free. At the end
-the vertices of the mesh in its place are counted. With `--poses true` there is neither tracking nor mesh.
+`python -m hsslam_bench.free_space.moved SEED [--noise kinect] [--poses tracked|true]` tracks and maps
+`synth:chair` in lockstep; a rolling window takes a frame at its tracked pose ten times a second of frame
+time, as the service does. The time runs from the frame by which all of the chair's former place has been
+seen through, to the first update in which that place is free. At the end it counts the vertices of the mesh
+in that place. With `--poses true` there is neither tracking nor mesh.
 """
 
 import argparse
@@ -36,12 +36,12 @@ _KEYFRAME_EVERY, _MOST_KEYFRAMES = 4, 512
 _VOXEL_M = 0.02  # of the mesh
 
 Track = Callable[[TrueFrame], tuple[KeyframeStore, np.ndarray, int]]
-"""Takes a frame; gives the keyframes, T_world_cam [4, 4], and the keyframe it was tracked from."""
+"""Takes a frame; returns the keyframes, T_world_cam [4, 4], and the frame's reference keyframe."""
 
 
 @dataclass(frozen=True)
 class Freed:
-    """Seconds of the frames since the place was seen through (None: never free), and whether it was
+    """Frame time from seeing through the place until it was free, s (None: never free), and whether it was
     occupied before."""
 
     grid_s: float | None
@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def place_and_thing(options: SourceOptions) -> tuple[FormerPlace, CarriedOff]:
-    """Where the chair stood, and the chair."""
+    """The former place of the chair, and the chair."""
     _, truth = source_with_truth(_SPEC, options)
     thing = SCENES["chair"].build(options.synth).moving
     assert isinstance(thing, CarriedOff)
@@ -83,7 +83,7 @@ def place_and_thing(options: SourceOptions) -> tuple[FormerPlace, CarriedOff]:
 
 
 def freed(options: SourceOptions, track: Track) -> Freed:
-    """When grid and distances of a rolling window say that the chair's place is free."""
+    """Times until grid and distances of a rolling window have the chair's place free."""
     place, thing = place_and_thing(options)
     gone_s = thing.gone_from / options.synth.rate_hz
     window: RollingWindow | None = None
@@ -115,7 +115,7 @@ def freed(options: SourceOptions, track: Track) -> Freed:
 
 
 def tracked_poses(slam: Slam) -> Track:
-    """Poses and keyframes of the library."""
+    """A function that tracks frames with the library."""
 
     def track(view: TrueFrame) -> tuple[KeyframeStore, np.ndarray, int]:
         result = slam.process(view.frame)
@@ -126,7 +126,7 @@ def tracked_poses(slam: Slam) -> Track:
 
 
 def true_poses() -> Track:
-    """True poses; every fourth frame is a keyframe."""
+    """A function that returns true poses; every fourth frame becomes a keyframe."""
     stores: list[KeyframeStore] = []
     count = 0
 

@@ -1,10 +1,9 @@
-"""Paths of a robot, planned on the distances of a map and on exact ones, as JSON on stdout.
+"""Plans paths of a robot on the distances of a map and on exact ones, and counts collisions; prints JSON.
 
-`python -m hsslam_bench.free_space.paths SOURCE SEED [--noise kinect] [--poses tracked|true]`: the robot is
-a ball of 20 cm radius that keeps 0.5 m above the floor. It may be where keyframes saw all of its body. Starts
-and goals are drawn where it fits in truth with 10 cm to spare. Ours keeps 5 cm more from surfaces than the
-radius, for the errors of the distances. A path collides if somewhere on it the true mesh is nearer than the
-radius.
+`python -m hsslam_bench.free_space.paths SOURCE SEED [--noise kinect] [--poses tracked|true]`: the robot is a
+ball of 20 cm radius, 0.5 m above the floor. It may go where keyframes saw all of its body. Random starts and
+goals have 10 cm more true distance than the radius. Paths on the map's distances keep 5 cm more than the
+radius, for the errors of the distances. A path collides if the true mesh is nearer than the radius anywhere.
 """
 
 import argparse
@@ -29,34 +28,34 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.sources.options.source import SourceOptions
 
 RADIUS_M, _HEIGHT_M, _MARGIN_M = 0.2, 0.5, 0.05
-_ENDS_M = 0.1  # to spare at start and goal
+_ENDS_M = 0.1  # extra distance at start and goal
 _PAIRS = 1000
-_STEP_M = 0.01  # between places of a path that are compared with the mesh
-_SOFT_M = 0.2  # cells with less room than that beside the radius cost more
+_STEP_M = 0.01  # between the points of a path that are checked against the mesh
+_SOFT_M = 0.2  # decay of the cost of a cell with its distance beyond the radius
 _QUICK_FRAMES, _QUICK_PAIRS = 40, 20
 
 
 @dataclass(frozen=True)
 class Level:
-    """A level of a map, cell by cell: [nx, ny] each."""
+    """A horizontal slice of a map: [nx, ny] cells."""
 
-    points: np.ndarray  # [nx, ny, 3] m, world, middles
+    points: np.ndarray  # [nx, ny, 3] m, world, centres
     distance_m: np.ndarray  # of the map; nan: not known
     true_m: np.ndarray  # to the true mesh
     measure: Callable[[np.ndarray], TrueDistances]  # of points [N, 3] m, world
-    is_seen: np.ndarray  # bool: keyframes saw all that is nearer than the radius
+    is_seen: np.ndarray  # bool: keyframes saw all space within the radius
 
 
 @dataclass(frozen=True)
 class PathCounts:
-    """Of pairs of start and goal."""
+    """Counts over pairs of start and goal."""
 
     pairs: int
-    exact: int  # paths that exact distances find
-    both: int  # and of these ours
-    found: int  # ours
-    colliding: int  # of ours
-    narrowest_m: float  # least true distance on ours
+    exact: int  # paths found on exact distances
+    both: int  # pairs with a path on both
+    found: int  # paths found on the map's distances
+    colliding: int  # of these
+    narrowest_m: float  # least true distance on these
 
 
 def main() -> None:
@@ -81,7 +80,7 @@ def main() -> None:
 
 
 def level_of(distances: DistanceMap, spec: str, options: SourceOptions) -> Level:
-    """The level at the robot's height, with the true distances there."""
+    """The slice at the robot's height, with its true distances."""
     _, truth = source_with_truth(spec, options)
     mesh = truth.mesh()
     if mesh is None:
@@ -96,7 +95,7 @@ def level_of(distances: DistanceMap, spec: str, options: SourceOptions) -> Level
     T = inverse(distances.T_grid_world)
     points = transformed(T, grid.centres(indices))
     measure = measure_from(mesh, inverse(truth.T_world_cam[0]))
-    # behind a surface nothing is seen: what is farther away than it does not matter
+    # space behind the nearest surface is never seen, and need not be
     distance_m = distances.distance_m[:, :, z]
     is_seen = distances.to_unknown_m[:, :, z] > np.fmin(RADIUS_M, distance_m - grid.voxel_m)
     true_m = measure(points).distance_m.reshape(nx, ny)
@@ -104,10 +103,10 @@ def level_of(distances: DistanceMap, spec: str, options: SourceOptions) -> Level
 
 
 def plan_pairs(level: Level, pairs: int, seed: int) -> PathCounts:
-    """Draw starts and goals, plan each twice, and look along ours.
+    """Draw starts and goals, plan each pair on both distances, and check the map's paths for collisions.
 
     Raises:
-        UserError: the robot fits nowhere.
+        UserError: the robot fits in no cell.
     """
     known = np.isfinite(level.distance_m) & level.is_seen
     true_room = np.where(known, level.true_m, -np.inf)
@@ -134,7 +133,7 @@ def plan_pairs(level: Level, pairs: int, seed: int) -> PathCounts:
 
 
 def path(room_m: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
-    """The cheapest way [P, 2] over cells with room [nx, ny] for the robot; None: there is none."""
+    """The cheapest path [P, 2] over cells with distances [nx, ny] m of at least the radius; None: no path."""
     spare_m = np.maximum(room_m - RADIUS_M, 0.0)
     costs = np.where(room_m < RADIUS_M, np.inf, 1.0 + np.exp(-spare_m / _SOFT_M))
     if not np.isfinite([costs[tuple(start)], costs[tuple(goal)]]).all():
@@ -147,7 +146,7 @@ def path(room_m: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray 
 
 
 def _along(way: np.ndarray) -> np.ndarray:
-    """Points [N, 3] m on the line through points [P, 3] m, not more than a step apart."""
+    """Points [N, 3] m on the line through points [P, 3] m, at most a step apart."""
     if len(way) == 1:
         return way
     steps = int(np.ceil(np.linalg.norm(np.diff(way, axis=0), axis=1).max() / _STEP_M))

@@ -1,8 +1,8 @@
-"""Distances in observed free space against the true mesh, as JSON on stdout.
+"""Measures the errors of distances in observed free space against the true mesh; prints JSON.
 
-`python -m hsslam_bench.free_space.run SOURCE SEED [--noise kinect] [--poses tracked|true]`: the library
-tracks and maps the frames in lockstep, then a whole map is made of the keyframes that it kept. With
-`--poses true` every fourth frame is taken at its true pose instead, without tracking and map.
+`python -m hsslam_bench.free_space.run SOURCE SEED [--noise kinect] [--poses tracked|true]` tracks and maps
+the frames in lockstep, then measures the distances of the kept keyframes. With `--poses true` it takes every
+fourth frame at its true pose instead, without tracking and map.
 """
 
 import argparse
@@ -36,7 +36,7 @@ _QUICK_FRAMES = 40
 
 @dataclass(frozen=True)
 class Seen:
-    """What a map is made of."""
+    """The keyframes for a map of distances."""
 
     camera: Camera
     views: Sequence[tuple[np.ndarray, np.ndarray]]  # depth [H, W] float32 m, T_world_cam [4, 4]
@@ -63,7 +63,8 @@ def main() -> None:
 
 
 def free_space(seen: Seen, spec: str, options: SourceOptions, voxel_m: float) -> dict[str, Any]:
-    """Errors at points of free space: with nothing unseen nearer, of the map's answers there, and of all."""
+    """Errors at points of free space: "certain", where all nearer space was seen; "queried", the answers of
+    the map at these points; "all" points."""
     _, truth = source_with_truth(spec, options)
     mesh = truth.mesh()
     if mesh is None:
@@ -88,7 +89,7 @@ def free_space(seen: Seen, spec: str, options: SourceOptions, voxel_m: float) ->
 
 
 def true_views(config: SlamConfig, spec: str, options: SourceOptions) -> Seen:
-    """Frames at their true poses, as often as there are keyframes."""
+    """Every n-th frame at its true pose; n: frames from keyframe to keyframe."""
     every = config.keyframes.every_frames
     found: list[TrueFrame] = [
         view for index, view in enumerate(true_frames(spec, options)) if index % every == 0
@@ -98,7 +99,7 @@ def true_views(config: SlamConfig, spec: str, options: SourceOptions) -> Seen:
 
 
 def tracked_views(config: SlamConfig, spec: str, options: SourceOptions) -> Seen:
-    """The keyframes that the library keeps, at its own poses, and its map."""
+    """The keyframes that the library keeps at their tracked poses, and its map."""
     slam = Slam(config, seed=options.seed)
     source, _ = source_with_truth(spec, options)
     for frame in source.frames():

@@ -1,9 +1,9 @@
-"""Core time of one update of a rolling window, and speed of its queries, as JSON on stdout.
+"""Measures the core time of an update of a rolling window, and the speed of queries; prints JSON.
 
-`python -m hsslam_bench.free_space.update_time SOURCE [--noise kinect]`: every third frame of 30 Hz is
-taken in at its true pose: the window follows the camera, observes the depth, measures all distances and
-makes the grid map, then the messages with distances of the floor and the blocks that changed. Every fourth
-frame is a keyframe. Times are of the process (`time.process_time`), not of the clock.
+`python -m hsslam_bench.free_space.update_time SOURCE [--noise kinect]` takes every third frame of 30 Hz at
+its true pose. An update moves the window with the camera, observes the depth, measures all distances, makes
+the grid map, and prepares the distances over the floor and the changed blocks for their messages. Every
+fourth frame is a keyframe. Times are process times (`time.process_time`).
 """
 
 import argparse
@@ -28,7 +28,7 @@ _EVERY, _KEYFRAME_EVERY = 3, 4  # frames
 _MOST_KEYFRAMES = 1024
 _WARM_UP = 5  # updates
 _QUERIES = 1_000_000
-_TURNS = 5  # the median counts
+_TURNS = 5  # the result is their median
 
 
 def main() -> None:
@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def update_time(spec: str, options: SourceOptions) -> dict[str, float]:
-    """Mean and greatest ms of an update, mean ms of its parts, and points asked a second."""
+    """Mean, median and 99 % quantile of an update, ms; means of its parts, ms; points queried a second."""
     window: RollingWindow | None = None
     store: KeyframeStore | None = None
     meter, blocks, distances = DistanceMeter(), DistanceBlocks(), None
