@@ -1,1 +1,1 @@
-"""`hsslam-bench`: measures what the README claims, by running the real service."""
+"""`hsslam-bench`: measures the figures of the README by running the real service."""

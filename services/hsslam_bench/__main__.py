@@ -1,8 +1,8 @@
-"""`hsslam-bench`: run the service, measure the table, print and store it.
+"""`hsslam-bench`: runs the service, measures the table, prints and stores it.
 
-`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... peers` runs other systems
-on the same sequences; see `peers`. `... compare A.json B.json`, `... plots FILE.json` and
-`... keep FILE.json` take results; see `result_commands`.
+Subcommands: `ablation|replica|tum|scannet` measure a table of the paper (see `tables`), `peers` runs other
+systems on the same sequences (see `peers`), `compare`, `plots` and `keep` read result files (see
+`result_commands`).
 """
 
 import sys
@@ -61,7 +61,7 @@ def _unknown(word: str) -> UserError:
 
 
 def _parsed(args: Sequence[str]) -> tuple[BenchOptions, list[str]]:
-    """The options, and what follows `--`."""
+    """The options, and the arguments after `--`."""
     own, extra = list(args), []
     if "--" in own:
         at = own.index("--")
@@ -101,8 +101,8 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
         if row.verdict == "skipped":
             console.print(f"skipped {row.name}: {row.measured}", soft_wrap=True)
     if result.commit != commit:
-        told = f"warning: files of hsslam changed meanwhile: commits {result.commit}: measure again"
-        console.print(told, soft_wrap=True)
+        text = f"warning: the code has changed meanwhile: commits {result.commit}: measure again"
+        console.print(text, soft_wrap=True)
     console.print(f"results: {out}", soft_wrap=True)
     return int(interrupted or any(row.verdict == "NOT MET" for row in rows))
 
@@ -114,9 +114,9 @@ def _measure(
     keep: Callable[[Row], None],
     console: Console,
 ) -> None:
-    """Measure and keep all rows, showing how far it is; off a terminal one line a row.
+    """Measure and keep all rows, and show the progress; without a terminal print one line a row.
 
-    With an address of Ray those of lockstep runs come first, the others one after the other.
+    With an address of Ray measure rows of lockstep runs first, several at once; then the others in turn.
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:

@@ -13,24 +13,24 @@ class BenchOptions:
 
     Subcommands, each with its own --help:
       ablation, replica, tum, scannet   measure a table of the paper
-      peers                             runs other systems on the same sequences
-      compare A.json B.json             shows two results side by side
-      plots FILE...                     draws core time, latency and growth of runs
-      keep FILE...                      keeps the newest of every row, for the documents
+      peers                             run other systems on the same sequences
+      compare A.json B.json             compare two results
+      plots FILE...                     draw core time, latency and growth of runs
+      keep FILE...                      keep the newest result of each row, for the documents
 
     Examples:
       hsslam-bench --quick --only first-pose memory
       hsslam-bench --docs README.md docs/results.md --from docs/figures/*.json
       hsslam-bench -- --slam.mapper.rays 500
 
-    Options after -- are added to every hsslam-serve; the figures then differ from those of the protocol.
-    With --docs the command writes tables into documents and measures nothing.
+    Every hsslam-serve gets the options after --; the figures then do not follow the protocol. With --docs the
+    command writes tables into documents and measures nothing.
 
     Exit codes: 0 if all bounds are met, 1 if a bound is not met or the command is interrupted, 2 if the input
     is bad.
 
     Raises:
-        UserError: options that do not belong together.
+        UserError: options that exclude or need each other.
     """
 
     VALUES: ClassVar = {
@@ -44,43 +44,43 @@ class BenchOptions:
     only: tuple[str, ...] = ()
     """Measure only these rows or groups (none: all)."""
     quick: bool = False
-    """Use one seed and few frames, to try the bench out."""
+    """Use one seed and few frames, to test the benchmark."""
     list: bool = False
     """Print the names of the rows and exit."""
     address: str = ""
-    """Ray on which the rows of lockstep runs are made first, several at once (none: one after the other)."""
+    """Ray cluster for the lockstep runs, which come first, several at once (none: one after the other)."""
     data: Path | None = None
     """Folder of the sequences (none: $HSSLAM_TEST_DATA, else ../shared/data)."""
     out: Path | None = None
     """Result file, JSON (none: runs/bench/TIME.json)."""
     docs: tuple[Path, ...] = ()
-    """Documents whose tables are written from the files of --from."""
+    """Documents into which to write the tables of the files of --from."""
     results: tuple[Path, ...] = ()
     """Result files for --docs, JSON."""
 
     def __post_init__(self) -> None:
         if bool(self.docs) != bool(self.results):
             raise UserError("--docs: expected with --from, and --from with --docs")
-        if self.out is not None and self.out.suffix != ".json":  # runs lie in a folder of this name
-            raise UserError(f"--out {self.out}: expected a file .json")
+        if self.out is not None and self.out.suffix != ".json":  # the name without it is a folder
+            raise UserError(f"--out {self.out}: expected a name that ends in .json")
 
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Shows two results side by side, as ratios of B over A."""
+    """Compares two results, as ratios of B over A."""
 
     POSITIONALS: ClassVar = ("before", "after")
     VALUES: ClassVar = {"before": "A.json", "after": "B.json"}
 
     before: Path = Path()
-    """Result file to compare with."""
+    """Result file to compare with, JSON."""
     after: Path = Path()
-    """Result file that is compared."""
+    """Result file to compare, JSON."""
 
 
 @dataclass(frozen=True)
 class PlotsOptions:
-    """Draws core time, latency and growth of the runs in result files; a later file wins."""
+    """Draws core time, latency and growth of the runs in result files; of a run in several, the last."""
 
     POSITIONALS: ClassVar = ("results",)
     VALUES: ClassVar = {"results": "FILE...", "to": "FOLDER"}
@@ -88,12 +88,12 @@ class PlotsOptions:
     results: tuple[Path, ...] = ()
     """Result files, JSON."""
     to: Path = Path("docs/plots")
-    """Output folder of the pictures."""
+    """Output folder of the plots."""
 
 
 @dataclass(frozen=True)
 class KeepOptions:
-    """Keeps the newest of every row, without the runs, for the tables of the documents."""
+    """Keeps the newest result of each row, without the runs, for the tables of the documents."""
 
     POSITIONALS: ClassVar = ("results",)
     VALUES: ClassVar = {"results": "FILE...", "to": "FOLDER"}

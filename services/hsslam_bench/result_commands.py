@@ -1,4 +1,4 @@
-"""`compare`, `plots` and `keep`: what can be done with result files."""
+"""The commands `compare`, `plots` and `keep` on result files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -27,17 +27,17 @@ def _compare(args: Sequence[str]) -> None:
 
 
 def _plots(args: Sequence[str]) -> None:
-    """Draw the runs of the files; of a run that several have, the last."""
+    """Draw the runs of the files; of a run in several files, the last."""
     options = parse_options(PlotsOptions, "hsslam-bench plots", args)
     _expect_files("plots", options.results)
-    from hsslam_bench.results.plots import draw  # matplotlib takes its time
+    from hsslam_bench.results.plots import draw  # matplotlib takes a second to import
 
     for path in draw([read_report(result) for result in options.results], options.to):
         print(path)
 
 
 def _keep(args: Sequence[str]) -> None:
-    """Take the files' rows in among the figures that the documents show."""
+    """Add the rows of the files to the figures of the documents."""
     options = parse_options(KeepOptions, "hsslam-bench keep", args)
     _expect_files("keep", options.results)
     for path in keep(options.to, list(options.results)):

@@ -167,7 +167,7 @@ def test_what_a_ratio_cannot_show_is_told(tmp_path: Path):
     (pair,) = pairs(before, after)
     assert (pair.ratio, pair.is_better) == (math.inf, False)
     assert circumstances(before, after)[2:] == [
-        "options of hsslam-serve: A none, B --seed 1: ratios say little",
+        "options of hsslam-serve: A none, B --seed 1: ratios may mislead",
         "ate:house: version differs: A 1, B 2",
         "ate:house: A ok, 0.4 cm; B NOT MET, code 3",
         f"memory: bound differs: A {none_wrong.bound}, B 9 GB",

@@ -1,1 +1,1 @@
-"""`hsslam-bench peers`: what other systems make of the same sequences, scored by the same code."""
+"""`hsslam-bench peers`: other systems on the same sequences, scored by the same code."""

@@ -1,4 +1,4 @@
-"""`hsslam-bench peers`."""
+"""`hsslam-bench peers`: runs and scores other systems, writes their table."""
 
 import dataclasses
 import json
@@ -33,10 +33,10 @@ from hsslam_services.run.run_info import write_atomically
 from hsslam_services.run.summary import source_commit
 
 _MODULE = "hsslam_bench.peers.peer_run"
-_WIDTH = 190  # characters, where the output is no terminal
+_WIDTH = 190  # characters, without a terminal
 _NOTE = (
-    "exact: our protocol; lit.: that of the literature; acc. and comp. are means, % within 5 cm. "
-    "frames/s of processor time, one thread."
+    "exact: our protocol; lit.: the literature's protocol; acc. and comp.: means; %: within 5 cm; "
+    "frames/s: of processor time, one thread."
 )
 
 
@@ -44,7 +44,7 @@ def peers_command(args: Sequence[str]) -> int:
     """Measure the table; returns the exit code.
 
     Raises:
-        UserError: an option that cannot be used, or a file that cannot be read or written.
+        UserError: a bad option, or a file that is not readable or writable.
     """
     options = parse_options(PeersOptions, "hsslam-bench peers", args)
     width = None if sys.stdout.isatty() else _WIDTH
@@ -57,7 +57,7 @@ def peers_command(args: Sequence[str]) -> int:
             rows.append(row)
             _write(options.out, begun, rows)
             if row.error or not console.is_terminal:
-                console.print(f"{row.sequence} {row.peer}: {_told(row)}", soft_wrap=True)
+                console.print(f"{row.sequence} {row.peer}: {_row_text(row)}", soft_wrap=True)
     except KeyboardInterrupt:
         interrupted = True
     if not rows:
@@ -70,7 +70,7 @@ def peers_command(args: Sequence[str]) -> int:
 
 
 def _measured(options: PeersOptions, console: Console) -> Iterator[PeerRow]:
-    """A row for each sequence on disk and peer that can run, and for each result."""
+    """A row for each sequence on disk and each peer that can run, and for each given result."""
     chosen = [find_peer(name) for name in options.peers] or PEERS
     peers = [peer for peer in chosen if _can_run(peer, console)] if options.run else []
     given = [parsed_result(text) for text in options.result]
@@ -109,7 +109,7 @@ def _run(peer: Peer, sequence: PeerSequence, folder: Path) -> PeerRow:
         text=True,
     )
     if done.returncode:
-        lines = done.stderr.strip().splitlines() or ["it said nothing"]
+        lines = done.stderr.strip().splitlines() or ["no message"]
         error = f"ended with code {done.returncode}: {lines[-1]}"
         return PeerRow(sequence.name, peer.title, error=error)
     values = json.loads(done.stdout.splitlines()[-1])  # libraries print as well
@@ -123,13 +123,13 @@ def _scored(result: OutsideResult, sequence: PeerSequence) -> Values:
     return score(sequence.source, sequence.options, trajectory, result.mesh)
 
 
-def _told(row: PeerRow) -> str:
+def _row_text(row: PeerRow) -> str:
     ate_cm = row.values.get("ate_cm")
     return row.error or ("no ATE" if ate_cm is None else f"ATE {ate_cm:.3f} cm")
 
 
 def _write(path: Path, begun: Mapping[str, Any], rows: Sequence[PeerRow]) -> None:
-    """Everything so far, as JSON and as markdown."""
+    """Write all rows so far, as JSON and as markdown."""
     found = {
         **begun,
         "settings": {peer.title: peer.settings for peer in PEERS},

@@ -16,7 +16,7 @@ _NOISE = "-kinect"
 
 @dataclass(frozen=True)
 class PeersOptions:
-    """Runs other systems on the same sequences, and scores them and results that you have by the same code.
+    """Runs other systems on the same sequences; scores them and your own results with the same code.
 
     Examples:
       hsslam-bench peers
@@ -24,15 +24,15 @@ class PeersOptions:
       hsslam-bench peers --no-run --source tum:fr1/desk --result orb-slam3=CameraTrajectory.txt
       hsslam-bench peers --results others
 
-    --result takes a trajectory in TUM format (camera to world, OpenCV axes, m), or with 16 numbers a line
-    for each frame in turn, and a mesh (m) in the world of this trajectory. --results takes a folder of such
-    files: SEQUENCE/NAME.txt and SEQUENCE/NAME.ply.
+    --result takes a trajectory (camera to world, OpenCV axes, m) in TUM format, or a line of 16 numbers for
+    each frame, and a mesh (m) in the same world. --results takes a folder of such files: SEQUENCE/NAME.txt
+    and SEQUENCE/NAME.ply.
 
     Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
     bad.
 
     Raises:
-        UserError: options that do not belong together.
+        UserError: options that exclude each other.
     """
 
     VALUES: ClassVar = {
@@ -58,27 +58,31 @@ class PeersOptions:
     peers: tuple[str, ...] = ()
     """Peers to run (none: all)."""
     run: bool = True
-    """Run the peers, not only score results."""
+    """Run the peers, besides scoring results."""
     result: tuple[str, ...] = ()
-    """Results that you have: NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER with these."""
+    """Your results to score: NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER with these."""
     results: Path | None = None
-    """Folder of results that you have: SEQUENCE/NAME.txt, SEQUENCE/NAME.ply."""
+    """Folder of your results to score: SEQUENCE/NAME.txt, SEQUENCE/NAME.ply."""
     out: Path = Path("runs/peers.json")
-    """Result file, JSON, beside the table (.md) and a folder of the peers' trajectories and meshes."""
+    """Result file, JSON; beside it go the table (.md) and a folder of the peers' trajectories and meshes."""
 
     def __post_init__(self) -> None:
         if self.noise != "none" and not self.source:
-            raise UserError("--noise: expected with --source; of a sequence write house-kinect")
+            raise UserError(
+                f"--noise {self.noise}: expected with --source; for a sequence write house-kinect"
+            )
         if self.source and self.results is not None:
-            raise UserError("--results: has folders of sequences: expected --result with --source")
+            raise UserError(
+                f"--results {self.results}: has a folder a sequence: expected --result with --source"
+            )
         if self.result and not self.source and len(self.sequences) != 1:
-            raise UserError("--result: expected with --source, or one of --sequences")
+            raise UserError("--result: expected with --source, or with one sequence in --sequences")
         if not (self.run or self.result or self.results):
             raise UserError("nothing to score: expected --result or --results with --no-run")
 
     @property
     def sources(self) -> "list[PeerSequence]":
-        """The sequences that are meant, on disk or not."""
+        """The sequences of the options, on disk or not."""
         if self.source:
             options = SourceOptions(noise=self.noise, frames=self.frames)
             return [PeerSequence(self.source, self.source, options)]
@@ -101,10 +105,10 @@ class PeerSequence:
     name: str
     source: str | None  # as for --source; None: not on disk
     options: SourceOptions
-    place: str = ""  # where it was looked for
+    place: str = ""  # expected folder
 
     @property
     def arguments(self) -> Sequence[str]:
-        """For `peer_run`."""
+        """Arguments of `peer_run`."""
         frames = () if self.options.frames is None else ("--frames", str(self.options.frames))
         return ("--noise", self.options.noise, *frames)

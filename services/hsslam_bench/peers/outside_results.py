@@ -1,4 +1,4 @@
-"""Results of systems that this machine does not run: a trajectory and a mesh that a user has."""
+"""Results that a user brings from other systems: a trajectory, and a mesh if there is one."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,10 +25,10 @@ class OutsideResult:
 
 
 def parsed_result(text: str) -> OutsideResult:
-    """`NAME=trajectory.txt[,mesh.ply]`, or `NAME=FOLDER` with files of these names.
+    """Parse `NAME=trajectory.txt[,mesh.ply]`, or `NAME=FOLDER` with files of these names.
 
     Raises:
-        UserError: it is neither.
+        UserError: the text is neither.
     """
     name, equals, places = text.partition("=")
     trajectory, comma, mesh = places.partition(",")
@@ -42,7 +42,7 @@ def parsed_result(text: str) -> OutsideResult:
 
 
 def results_in(folder: Path, sequence: str) -> list[OutsideResult]:
-    """Those of `FOLDER/SEQUENCE/NAME.txt`, with the mesh `NAME.ply` beside if there is one."""
+    """The results `FOLDER/SEQUENCE/NAME.txt`, each with the mesh `NAME.ply` if there is one."""
     found = []
     for path in sorted((folder / sequence).glob("*.txt")):
         mesh = path.with_suffix(".ply")
@@ -51,13 +51,13 @@ def results_in(folder: Path, sequence: str) -> list[OutsideResult]:
 
 
 def read_trajectory(path: Path, truth: GroundTruth | None) -> Trajectory:
-    """Camera-to-world poses with the stamps of the frames that they belong to.
+    """Camera-to-world poses (OpenCV axes) with the stamps of their frames.
 
-    TUM format, whose stamps become those of the frames within 20 ms, or 16 numbers a line for
-    each frame in turn, as Replica's `traj.txt`; OpenCV axes.
+    The file is in TUM format (each pose gets the stamp of the frame within 20 ms), or has a line of 16
+    numbers for each frame, as Replica's `traj.txt`.
 
     Raises:
-        UserError: the file is neither, or has not as many lines as there are frames.
+        UserError: the file is neither, or its number of lines differs from the number of frames.
     """
     if not _is_of_matrices(path):
         found = read_tum(path)
@@ -74,6 +74,6 @@ def _is_of_matrices(path: Path) -> bool:
     try:
         lines = path.read_text().splitlines()
     except (OSError, UnicodeDecodeError):
-        return False  # read_tum reports it
+        return False  # read_tum reports the error
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return len(first.split()) == _MATRIX_NUMBERS

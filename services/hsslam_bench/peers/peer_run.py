@@ -1,7 +1,7 @@
-"""One peer on one sequence, in a process of its own, which a library may take down: JSON on stdout.
+"""Runs one peer on one sequence, in a process of its own as its library may crash; prints JSON.
 
-`python -m hsslam_bench.peers.peer_run PEER SOURCE FOLDER [--noise kinect] [--frames N]` leaves
-trajectory.txt and mesh.ply in FOLDER. Alone, with one numeric thread.
+`python -m hsslam_bench.peers.peer_run PEER SOURCE FOLDER [--noise kinect] [--frames N]` writes trajectory.txt
+and mesh.ply to FOLDER. It uses one numeric thread.
 """
 
 import argparse
@@ -26,7 +26,7 @@ _QUICK_FRAMES = 20
 
 
 def main() -> None:
-    """Exit code 0: done; 2: told in one line on stderr."""
+    """Exit code 0: done; 2: failed, with one line on stderr."""
     parser = argparse.ArgumentParser(prog="peer_run", description=__doc__)
     parser.add_argument("peer")
     parser.add_argument("source")
@@ -49,7 +49,7 @@ def find_peer(name: str) -> Peer:
     """The peer of this name.
 
     Raises:
-        UserError: there is none; the nearest is suggested.
+        UserError: there is no such peer; the message suggests the nearest name.
     """
     known = {peer.name: peer for peer in PEERS}
     if name not in known:
@@ -59,10 +59,10 @@ def find_peer(name: str) -> Peer:
 
 
 def peer_run(peer: Peer, source: str, options: SourceOptions, folder: Path) -> Values:
-    """Scores, and frames per second of processor time (`fps`), reading not counted.
+    """Run a peer; returns scores, and frames per second of processor time without reading (`fps`).
 
     Raises:
-        UserError: the source cannot be read, the peer cannot run here, or the folder cannot be written.
+        UserError: the source is not readable, the peer cannot run here, or the folder is not writable.
     """
     peer.expect()
     frames = _TimedFrames(source, options)
@@ -85,7 +85,7 @@ def peer_run(peer: Peer, source: str, options: SourceOptions, folder: Path) -> V
 
 
 class _TimedFrames:
-    """The frames of a source that can be read, and what reading them took."""
+    """The readable frames of a source, and the time to read them."""
 
     def __init__(self, source: str, options: SourceOptions) -> None:
         self._source = open_source(source, options)

@@ -1,4 +1,4 @@
-"""Rows of the benchmark, measured only by name; apart from `checks`, which results and tables read."""
+"""Rows of the peers, all measured only by name; apart from `checks`, which `results` and `tables` import."""
 
 import json
 

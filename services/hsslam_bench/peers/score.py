@@ -1,4 +1,4 @@
-"""The scores of a trajectory and a mesh, whoever made them: the figures of `hsslam-eval`, by metric."""
+"""The scores of a trajectory and a mesh of any system: the figures of `hsslam-eval`, by metric."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,9 +12,9 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.options.source import SourceOptions
 
 GAP_FRAMES = 30
-Values = dict[str, float | None]  # by metric; None: there is none
+Values = dict[str, float | None]  # by metric; None: no value
 _MESH = (("accuracy_mean_m", "accuracy_cm"), ("completion_mean_m", "completion_cm"))
-_PROTOCOLS = {"mesh": "", "mesh_literature": "lit_"}  # as in the figures; before a metric
+_PROTOCOLS = {"mesh": "", "mesh_literature": "lit_"}  # key in the figures: prefix of a metric
 
 
 def score(
@@ -23,10 +23,10 @@ def score(
     trajectory: Trajectory,
     mesh: Path | trimesh.Trimesh | None,
 ) -> Values:
-    """Frames scored and expected, ATE, RPE, agreement of frames, and the mesh by both protocols.
+    """Frames scored and expected, ATE, RPE, consistency of frames, and the mesh by both protocols.
 
     Raises:
-        UserError: the source or the mesh cannot be read.
+        UserError: the source or the mesh is not readable.
     """
     subject = Subject(source, options, {"final": trajectory}, mesh)
     found = Evaluator(subject, Wanted(depth_views=0, rendering=False)).evaluate()

@@ -1,4 +1,4 @@
-"""The scores of peers as a table for people, as markdown, and in one line."""
+"""The scores of peers as a table for the terminal, as markdown, and in one line."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from hsslam_bench.peers.score import GAP_FRAMES, Values
 
 @dataclass(frozen=True)
 class PeerRow:
-    """What one system made of one sequence."""
+    """The scores of one system on one sequence."""
 
     sequence: str
     peer: str
     values: Values = field(default_factory=dict)
-    error: str = ""  # its last words if it failed
+    error: str = ""  # last line of output if it failed
 
 
 def _share(metric: str, of: str) -> Callable[[Values], str]:
@@ -59,7 +59,7 @@ _COLUMNS: Mapping[str, Callable[[Values], str]] = {
 
 
 def peers_table(rows: Sequence[PeerRow]) -> Table:
-    """One line for each sequence and system; a failure stands in the place of its scores."""
+    """One line for each sequence and system; "failed" replaces missing scores."""
     table = Table("sequence", "by", title="peers", title_justify="left")
     for name in _COLUMNS:
         table.add_column(name, justify="right")
@@ -70,7 +70,7 @@ def peers_table(rows: Sequence[PeerRow]) -> Table:
 
 
 def peers_markdown(rows: Sequence[PeerRow]) -> str:
-    """The same for documents."""
+    """The table as markdown, for documents."""
     head = ["sequence", "by", *_COLUMNS]
     lines = [head, ["---"] * len(head)]
     for row in rows:
@@ -81,6 +81,6 @@ def peers_markdown(rows: Sequence[PeerRow]) -> str:
 
 
 def in_words(values: Values) -> str:
-    """One line of what there is."""
+    """All known scores in one line."""
     found = {name: text(values) for name, text in _COLUMNS.items()}
     return "; ".join(f"{name} {text}" for name, text in found.items() if text != "-")

@@ -1,1 +1,1 @@
-"""Result files, and the documents made from them."""
+"""Result files, and the tables and plots made from them."""

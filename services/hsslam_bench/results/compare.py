@@ -1,4 +1,4 @@
-"""Two result files side by side, as ratios."""
+"""Compares two result files as ratios."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,28 +11,28 @@ from rich.text import Text
 from hsslam_bench.checks.check import Better, Row
 from hsslam_bench.results.report import Report
 
-_NOTABLE = 0.05  # a change by this share of what was before is coloured
+_NOTABLE = 0.05  # relative change that counts as better or worse
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One number of both results."""
+    """One number that both results have."""
 
-    name: str  # of the row, then where the number stands in it
+    name: str  # of the row, then the path of the number in its values
     before: float
     after: float
     better: Better = ""
 
     @property
     def ratio(self) -> float:
-        """After over before; infinite from zero on."""
+        """After over before; infinite if only `before` is zero."""
         if self.before == self.after:
             return 1.0
         return self.after / self.before if self.before else math.inf
 
     @property
     def is_better(self) -> bool | None:
-        """Whether it is notably better (False: notably worse)."""
+        """Whether B is notably better (False: notably worse; None: neither)."""
         change = self.after - self.before
         if not self.better or not change or abs(change) < _NOTABLE * abs(self.before):
             return None
@@ -40,12 +40,12 @@ class Pair:
 
 
 def pairs(before: Report, after: Report) -> list[Pair]:
-    """What both have measured: the figure of a row, or each of its numbers where it has no figure."""
+    """The numbers that both have: the figure of a row, or all its values if it has no figure."""
     return [pair for old, new in _in_both(before, after) for pair in _pairs_of(old, new)]
 
 
 def comparison(before: Report, after: Report) -> Table:
-    """The pairs as a table for people."""
+    """The pairs as a table for the terminal."""
     table = Table(Column("row", no_wrap=True), "A", "B", "B / A", "")
     for pair in pairs(before, after):
         good = pair.is_better
@@ -57,20 +57,20 @@ def comparison(before: Report, after: Report) -> Table:
 
 
 def circumstances(before: Report, after: Report) -> list[str]:
-    """Lines about when they were measured, and about what keeps them from being compared."""
+    """Lines about commit and time of both results, and about differences that make ratios misleading."""
     lines = [f"{name}: {_title(found)}" for name, found in (("A", before), ("B", after))]
     for name, own, other in (("A", before, after), ("B", after, before)):
         only = sorted(_measured(own) - _measured(other))
         if only:
             lines.append(f"only in {name}: {', '.join(only)}")
     if before.machine.cpu != after.machine.cpu or before.machine.cores != after.machine.cores:
-        lines.append("measured on different machines: ratios say little")
+        lines.append("measured on different machines: ratios may mislead")
     if before.protocol.get("quick") or after.protocol.get("quick"):
-        lines.append("measured with --quick: ratios say little")
+        lines.append("measured with --quick: ratios may mislead")
     extra = [" ".join(found.protocol.get("extra_options", [])) for found in (before, after)]
     if extra[0] != extra[1]:
         shown = (words or "none" for words in extra)
-        lines.append("options of hsslam-serve: A {}, B {}: ratios say little".format(*shown))
+        lines.append("options of hsslam-serve: A {}, B {}: ratios may mislead".format(*shown))
     return lines + [line for pair in _in_both(before, after) for line in _differences(*pair)]
 
 
@@ -86,7 +86,7 @@ def _measured(found: Report) -> set[str]:
 
 
 def _differences(old: Row, new: Row) -> Iterator[str]:
-    """Lines about what a ratio does not show: another definition or verdict, and a figure that one lacks."""
+    """Lines about differences that a ratio hides: definition, verdict, or a figure that only one has."""
     for name in ("what", "bound", "version"):
         own, other = getattr(old, name), getattr(new, name)
         if own != other:
@@ -106,7 +106,7 @@ def _pairs_of(old: Row, new: Row) -> Iterator[Pair]:
 
 
 def _numbers(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
-    """All numbers below a value with the names on the way to them."""
+    """All numbers in a nested value, each with its path of names and indices."""
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):

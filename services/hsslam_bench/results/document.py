@@ -1,12 +1,10 @@
-"""The tables of the documents, written from result files and from nothing else.
+"""Writes the tables of the documents from result files.
 
-A table stands between a marker that says what it holds and `<!-- bench:end -->`:
+A table lies between `<!-- bench:end -->` and a marker before it that names its content:
 
     <!-- bench:begin -->              all rows
     <!-- bench:rows NAME ... -->      the rows of these names or groups
-    <!-- bench:columns NAME ... -->   their values, a column for each run they are of
-
-The table of a document, written from results and from nothing else.
+    <!-- bench:columns NAME ... -->   their values, a column for each run
 """
 
 import re
@@ -26,7 +24,7 @@ _BLOCK = re.compile(
 )
 _HEAD = ("name", "what", "bound", "measured", "")
 _MARKS = {"ok": "ok", "NOT MET": "**NOT MET**", "measured": "", "skipped": "", "not measured": ""}
-_SHOWN = 0.05  # values that would be shown as 0.0 in every column are left out
+_SHOWN = 0.05  # lines whose values all round to 0.0 are left out
 _END = "<!-- table:end -->"
 
 
@@ -34,7 +32,7 @@ def fill_document(document: Path, results: Sequence[Path]) -> None:
     """Renew the tables between the markers; a row comes from the last file that measured it.
 
     Raises:
-        UserError: no markers, not a result file, or one that did not follow the protocol.
+        UserError: the document has no markers, a file is no result file or did not follow the protocol.
     """
     reports = [read_for_documents(path) for path in results]
     try:
@@ -48,7 +46,7 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
     """The text with its tables renewed.
 
     Raises:
-        UserError: the markers are not there, or name rows that are not.
+        UserError: the text has no markers, or a marker names an unknown row.
     """
     newest = NewestRows.of(reports)
 
@@ -66,7 +64,7 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
 
 
 def _origins(newest: NewestRows, checks: Sequence[Check]) -> list[str]:
-    """Lines that say when and where these rows were measured."""
+    """Lines with time and machine of the measurements of these rows."""
     rows = [newest.rows[check.name] for check in checks]
     groups = newest.by_report(row for row in rows if row.verdict != "not measured")
     lines = []
@@ -84,7 +82,7 @@ def _table(rows: Sequence[Row]) -> list[str]:
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
-    """Values of rows that hold a mapping for every run: a line for each value, its row before it."""
+    """Rows whose values are a mapping for each run: a line a value, a column a run."""
     columns = list({run: None for row in rows for run in row.values})
     cells: list[tuple[str, ...]] = []
     for row in rows:
@@ -137,7 +135,7 @@ def fill_table(document: Path, name: str, text: str) -> None:
     """Put the text between the lines `<!-- table:NAME -->` and `<!-- table:end -->`.
 
     Raises:
-        UserError: the document or its lines are not there.
+        UserError: the document or its marker lines are missing.
     """
     begin = f"<!-- table:{name} -->"
     try:

@@ -1,4 +1,4 @@
-"""The newest figure of every row, of many result files and in docs/figures."""
+"""Finds the newest figure of each row in many result files, and keeps it in docs/figures."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class NewestRows:
-    """A row for every check of the catalogue, and which report it is from, if any."""
+    """A row for every check of the catalogue, and the report it is from, if any."""
 
     checks: Sequence[Check]
     rows: Mapping[str, Row]
@@ -22,10 +22,9 @@ class NewestRows:
 
     @staticmethod
     def of(reports: Sequence[Report]) -> "NewestRows":
-        """A row comes from the last report that measured it; without one, the last that says why not.
+        """Take each row from the last report that measured it, else from the last one with a reason why not.
 
-        A row that was measured as something else, against another bound or by another version of its
-        check does not count.
+        A row whose `what`, `bound` or `version` differs from the check does not count.
         """
         checks = {check.name: check for check in catalogue()}
         wanted = {name: unmeasured(check) for name, check in checks.items()}
@@ -41,7 +40,7 @@ class NewestRows:
         return NewestRows(list(checks.values()), rows, origin)
 
     def by_report(self, rows: Iterable[Row]) -> list[tuple[Report, list[Row]]]:
-        """These rows by the report that each is from; a row of none is left out."""
+        """The rows grouped by their report; rows without a report are left out."""
         groups: dict[int, tuple[Report, list[Row]]] = {}
         for row in rows:
             if (found := self.origin.get(row.name)) is not None:
@@ -50,10 +49,10 @@ class NewestRows:
 
 
 def read_for_documents(path: Path) -> Report:
-    """A result file that followed the protocol.
+    """Read a result file that followed the protocol.
 
     Raises:
-        UserError: not a result file, or measured otherwise.
+        UserError: the file is no result file, or was measured with --quick or extra options.
     """
     found = read_report(path)
     if found.protocol.get("quick") or found.protocol.get("extra_options"):
@@ -62,12 +61,12 @@ def read_for_documents(path: Path) -> Report:
 
 
 def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
-    """Take in the rows of `results`; what they replace goes, and what the catalogue no longer has.
+    """Add the rows of `results` to `folder`; remove rows that they replace or the catalogue no longer has.
 
-    Returns the files that `folder` then has, oldest first: one for each benchmark, named by its time.
+    Returns the files of `folder`, oldest first: one for each benchmark, named by its time.
 
     Raises:
-        UserError: not a result file, or one that did not follow the protocol; `folder` cannot be written.
+        UserError: a file is no result file or did not follow the protocol, or `folder` is not writable.
     """
     before = sorted(folder.glob("*.json"))
     reports = [read_for_documents(path) for path in (*before, *results)]

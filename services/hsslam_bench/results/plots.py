@@ -1,4 +1,4 @@
-"""Pictures of result files: core time by process, latency, growth."""
+"""Plots of result files: core time by process, latency, growth."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -16,10 +16,10 @@ from hsslam_bench.runs.run_log import LoggedPose
 from hsslam_bench.runs.usage import Sample, core_ms_per_frame
 from hsslam_node.errors import UserError
 
-_LIVE = ("viewer-", "sixty-", "realtime-")  # runs that are shown beside each other
+_LIVE = ("viewer-", "sixty-", "realtime-")  # name prefixes of the runs in stages.png, latency.png
 _COLD = "-cold"
 _FRAMES, _ROOMS = "growth-", "m"
-_WINDOW_FRAMES = 150  # over which the time of a frame is taken along a run
+_WINDOW_FRAMES = 150  # the time of a frame is the mean over these
 _BUDGET_MS = {30: 66.7, 60: 33.3}  # of two cores
 _P99_BOUND_MS = 66.0
 _MIB = 2**20
@@ -38,10 +38,10 @@ _OTHER_COLOR = "#c7c7c7"
 
 
 def draw(reports: Sequence[Report], folder: Path) -> list[Path]:
-    """Write stages.png, latency.png and growth.png into a folder: those that there are runs for.
+    """Write those of stages.png, latency.png and growth.png for which there are runs; returns the files.
 
     Raises:
-        UserError: the results have no run to draw, or the folder cannot be written.
+        UserError: the results have no run to draw, or the folder is not writable.
     """
     matplotlib.use("Agg")
     runs = {run["name"]: run for found in reports for run in found.runs}
@@ -53,7 +53,7 @@ def draw(reports: Sequence[Report], folder: Path) -> list[Path]:
         ("growth", {n: r for n, r in growing.items() if _samples(r)}, _growth),
     ]
     if not any(chosen for _, chosen, _ in pictures):
-        raise UserError("plots: no run with core times or poses in these results: expected some")
+        raise UserError("plots: no run with core times or poses in these files: expected some")
     written = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def _stages(runs: Mapping[str, Any]) -> Figure:
 
 
 def _latency(runs: Mapping[str, Any]) -> Figure:
-    """Share of the poses that were published within a latency (ms) of the sensor's stamp."""
+    """Share of the poses that were published within each latency (ms) after the sensor's stamp."""
     figure = Figure((8.5, 4.0), layout="constrained")
     axes = figure.subplots()
     longest = _P99_BOUND_MS
@@ -106,7 +106,7 @@ def _latency(runs: Mapping[str, Any]) -> Figure:
 
 
 def _growth(runs: Mapping[str, Any]) -> Figure:
-    """Along the longest run: core time and memory; of all runs: disk against frames, room sizes."""
+    """Core time and memory along the longest run; disk against frames, and room sizes, of all runs."""
     by_frames = {n: r for n, r in runs.items() if not n.endswith(_ROOMS)}
     by_room = {n: r for n, r in runs.items() if n.endswith(_ROOMS)}
     figure = Figure((10, 7), layout="constrained")
@@ -188,7 +188,7 @@ def _room_m(run: Mapping[str, Any]) -> float:
 
 
 def _processes(each: Any) -> list[str]:
-    """Names in the order of the pictures' legend, those without a colour of their own last."""
+    """Names in the order of the legend; those without a colour of their own come last."""
     found = {name: None for names in each for name in names}
     return [n for n in _COLORS if n in found] + [n for n in found if n not in _COLORS]
 

@@ -1,4 +1,4 @@
-"""The result file of a benchmark: rows, and under what circumstances they were measured."""
+"""The result file of a benchmark: rows, machine, versions and protocol."""
 
 import importlib.metadata
 import os
@@ -26,7 +26,7 @@ VERSION = 1
 
 
 class Machine(msgspec.Struct, frozen=True):
-    """Where it ran, and what else ran there."""
+    """The machine of a measurement, and its load."""
 
     cpu: str
     cores: int
@@ -36,10 +36,10 @@ class Machine(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """One result file. New fields have defaults; a change that older readers trip over is a version."""
+    """One result file. New fields have defaults; a change that breaks older readers raises `version`."""
 
     time: str  # of the start, UTC
-    # "" where git does not know; ends with + where files had been changed; "A, B" if it was changed meanwhile
+    # "": not a git checkout; a trailing +: changed files; "A, B": the checkout changed during the benchmark
     commit: str
     machine: Machine
     versions: dict[str, str]
@@ -50,7 +50,7 @@ class Report(msgspec.Struct, frozen=True):
 
 
 def machine() -> Machine:
-    """This machine, now."""
+    """This machine with its current load."""
     return Machine(
         cpu=_cpu_model(),
         cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0,
@@ -61,7 +61,7 @@ def machine() -> Machine:
 
 
 def report(session: Session, rows: Sequence[Row] = ()) -> Report:
-    """The result of a session that starts now."""
+    """The report of a session that starts now."""
     protocol = {
         "quick": session.quick,
         "extra_options": list(session.extra),
@@ -87,7 +87,7 @@ def report(session: Session, rows: Sequence[Row] = ()) -> Report:
 
 
 def with_rows(earlier: Report, session: Session, rows: Sequence[Row]) -> Report:
-    """The report with these rows; a commit that was checked out meanwhile joins that of the start."""
+    """The report with these rows; if the checkout has changed, its commit is added."""
     commit, now = earlier.commit, source_commit()
     if now not in commit.split(", "):
         commit = f"{commit}, {now}"
@@ -96,10 +96,10 @@ def with_rows(earlier: Report, session: Session, rows: Sequence[Row]) -> Report:
 
 
 def write_report(path: Path, result: Report) -> None:
-    """Store it as JSON; a figure that is not finite becomes null.
+    """Write the report as JSON; figures that are not finite become null.
 
     Raises:
-        UserError: the file cannot be written.
+        UserError: the file is not writable.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -109,10 +109,10 @@ def write_report(path: Path, result: Report) -> None:
 
 
 def read_report(path: Path) -> Report:
-    """Read what `write_report` wrote.
+    """Read a file of `write_report`.
 
     Raises:
-        UserError: not there, not a result file, or one of another version.
+        UserError: the file is missing, no result file, or of another version.
     """
     try:
         content = path.read_bytes()
@@ -134,7 +134,7 @@ class _Version(msgspec.Struct):
 
 
 def _cpu_model() -> str:
-    """Its name, and its family and model: virtual machines go by one name on several generations."""
+    """Name, family and model, since virtual machines give several generations one name."""
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return platform.processor() or platform.machine()

@@ -1,1 +1,1 @@
-"""`hsslam-bench ablation|replica|tum|scannet`: the tables of the paper, measured."""
+"""`hsslam-bench ablation|replica|tum|scannet`: measures the tables of the paper."""

@@ -1,4 +1,4 @@
-"""`hsslam-bench ablation|replica|tum|scannet`."""
+"""`hsslam-bench ablation|replica|tum|scannet`: measures a table of the paper, prints and writes it."""
 
 import sys
 from collections.abc import Sequence
@@ -29,14 +29,14 @@ from hsslam_node.presets import PresetName
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.summary import source_commit
 
-_WIDTH = 230  # characters, where the output is no terminal
+_WIDTH = 230  # characters, without a terminal
 
 
 def table_command(name: str, args: Sequence[str]) -> int:
     """Measure the table of this name; returns the exit code.
 
     Raises:
-        UserError: an option that cannot be used, or a file that cannot be read or written.
+        UserError: a bad option, or a file that is not readable or writable.
     """
     options = parse_options(TableOptions, f"hsslam-bench {name}", args)
     table = TABLES[name]
@@ -64,7 +64,7 @@ def table_command(name: str, args: Sequence[str]) -> int:
 def _measure(
     plan: Plan, file: ResultFile, runs: Path, results: list[RunResult], console: Console
 ) -> None:
-    """Fill `results`, showing how far it is; off a terminal one line a run."""
+    """Fill `results` and show the progress; without a terminal print one line a run."""
     commit, on = source_commit(), machine()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(
@@ -83,19 +83,19 @@ def _measure(
                     lambda done, total: progress.update(frames, completed=done, total=total),
                 )
                 file.add(result, on)
-                told = result.error or f"ATE {result.values.get('ate_cm', float('nan')):.3f} cm"
+                text = result.error or f"ATE {result.values.get('ate_cm', float('nan')):.3f} cm"
             else:
-                told = "kept from an earlier call"
+                text = "kept from an earlier call"
             results.append(result)
             progress.advance(all_runs)
             if result.error or not console.is_terminal:
-                console.print(f"{job.name}: {told}", soft_wrap=True)
+                console.print(f"{job.name}: {text}", soft_wrap=True)
 
 
 def _rescore(
     plan: Plan, file: ResultFile, runs: Path, results: list[RunResult], console: Console
 ) -> None:
-    """Score what is left of the runs again; what is not there keeps the scores it has."""
+    """Score the files of the runs again; a run without files keeps its scores."""
     commit, on = source_commit(), machine()
     for job in track(plan.jobs, "scoring", console=console, transient=True):
         result = file.newest(job)
@@ -104,7 +104,7 @@ def _rescore(
         try:
             folder = runs / folder_name(result)
             if not folder.is_dir():
-                raise RunFailedError(f"{folder} is not there")
+                raise RunFailedError(f"{folder}: no such folder")
             result = rescored(job, result, folder, commit)
             file.add(result, on)
         except RunFailedError as failure:
@@ -142,7 +142,7 @@ def _print(
 def _protocol(
     options: TableOptions, results: Sequence[RunResult], metrics: Sequence[str]
 ) -> list[str]:
-    """What a reader must know to make the table again."""
+    """Lines with everything that a reader needs to reproduce the table."""
     used = [options.protocol, f"seeds {' '.join(map(str, options.seeds))}"]
     commits = sorted({result.commit or "unknown" for result in results})
     used.append(f"commit {', '.join(commits)}")
@@ -154,14 +154,14 @@ def _protocol(
     lines = [f"{'; '.join(used)}.", *_values(options.preset, results)]
     if set(LITERATURE) & set(metrics):
         lines.append(
-            "lit.: the protocol of the literature, as the paper's numbers; else ours, exact."
+            "lit.: the literature's protocol, as in the paper; all others: our exact protocol."
         )
     failed = [f"{r.row} {r.sequence} seed {r.seed}: {r.error}" for r in results if r.error]
     return lines + [f"failed: {text}" for text in failed]
 
 
 def _values(preset: PresetName, results: Sequence[RunResult]) -> list[str]:
-    """A line for each sequence or group of them that the preset has values of its own for."""
+    """A line for each group of sequences for which the preset has special values."""
     names: dict[str, list[str]] = {}
     for sequence in dict.fromkeys(result.sequence for result in results):
         settings = settings_of(preset, sequence)

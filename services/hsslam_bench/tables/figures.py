@@ -1,4 +1,4 @@
-"""A measured table: mean and standard deviation over the seeds, on the terminal and as markdown."""
+"""A measured table with mean and standard deviation over the seeds, for the terminal and as markdown."""
 
 import math
 import statistics
@@ -13,7 +13,7 @@ from hsslam_bench.tables.paper_tables import PaperRow, PaperTable
 from hsslam_bench.tables.plan import RunResult
 
 HIGHER_IS_BETTER = ("completion_pct", "completion_lit_pct", "psnr_db", "ssim", "fps")
-_UNORDERED = ("model_mib", "fps", "lost")  # what the paper's ablation says nothing about
+_UNORDERED = ("model_mib", "fps", "lost")  # not in the paper's ablation
 _HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
     {
         "accuracy_cm": ("acc. cm", 2),
@@ -37,7 +37,7 @@ _HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
 
 @dataclass(frozen=True)
 class Figure:
-    """Mean over the seeds; the deviation is that of a sample, None with one seed."""
+    """Mean and sample standard deviation over the seeds; deviation None with one seed."""
 
     mean: float
     deviation: float | None
@@ -46,18 +46,18 @@ class Figure:
 
 @dataclass(frozen=True)
 class MeasuredRow:
-    """A row with its figures by metric, and the paper's beside them."""
+    """A row with our figures and the paper's, by metric."""
 
     row: PaperRow
     figures: Mapping[str, Figure]
     paper: Mapping[str, float]
-    note: str = ""  # why something is missing
+    note: str = ""  # what is missing
 
 
 def measured_rows(
     table: PaperTable, rows: Sequence[PaperRow], results: Iterable[RunResult], method: str
 ) -> list[MeasuredRow]:
-    """The rows, and their mean where the table has one (over sequences first, then over seeds)."""
+    """The rows, and their mean if the table has one (over sequences first, then over seeds)."""
     good = [result for result in results if not result.error]
     seeds = {result.seed for result in good}
     found = []
@@ -75,10 +75,9 @@ def measured_rows(
 
 
 def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
-    """A line for each row that is better than the first one where the paper says worse, or the other
-    way round.
+    """A line for each row that is better than the first row but worse in the paper, or the reverse.
 
-    Differences below one standard deviation (of both, added in squares) say nothing, nor does one seed.
+    Differences below one standard deviation (root of the sum of both variances) and single seeds are ignored.
     """
     full, *others = rows
     lines = []
@@ -100,7 +99,7 @@ def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[s
 
 
 def _note(results: Sequence[RunResult], seeds: set[int]) -> str:
-    """What is missing of a row whose other rows have these seeds."""
+    """The note of a row: "no result", or how many of the other rows' seeds it has."""
     mine = {result.seed for result in results}
     if not mine:
         return "no result"
@@ -115,7 +114,7 @@ def _measured(
 
 
 def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
-    """Over the seeds that have a value on every sequence that any seed has one on."""
+    """The figure over the seeds that have a value on every sequence on which any seed has one."""
     by_seed: dict[int, dict[tuple[str, str], float]] = {}
     for result in results:
         value = result.values.get(metric)
@@ -132,7 +131,7 @@ def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
 
 
 def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
-    """How much better `other` is than `full`; 0 where that is not known."""
+    """How much better `other` is than `full`; 0 if the difference is not known or not significant."""
     a, b = full.figures.get(metric), other.figures.get(metric)
     if a is None or b is None or a.deviation is None or b.deviation is None:
         return 0.0
@@ -157,7 +156,7 @@ def _text(figure: Figure) -> str:
 
 
 def rich_table(title: str, rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> Table:
-    """Mean ± deviation in each cell, the paper's number below it."""
+    """The table for the terminal: mean ± deviation in each cell, the paper's number below."""
     shown = _shown(rows, metrics)
     table = Table("row", title=title, caption="below: the paper")
     for metric in shown:
@@ -174,7 +173,7 @@ def rich_table(title: str, rows: Sequence[MeasuredRow], metrics: Sequence[str]) 
 
 
 def markdown_table(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> str:
-    """Mean ± deviation, the paper's number in brackets."""
+    """The table as markdown: mean ± deviation, the paper's number in brackets."""
     shown = _shown(rows, metrics)
     head = ["row", *(_HEADS[m][0] for m in shown)]
     lines = [head, ["---"] * len(head)]
@@ -188,7 +187,7 @@ def markdown_table(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> str:
 
 
 def _shown(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
-    """Metrics of which there is a number."""
+    """Metrics with at least one number."""
     return [m for m in metrics if any(m in row.figures or m in row.paper for row in rows)]
 
 

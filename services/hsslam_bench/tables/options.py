@@ -1,7 +1,4 @@
-"""The options of `hsslam-bench ablation|replica|tum|scannet`.
-
-Changes to a configuration by name: `field.plane_channels` = 16.
-"""
+"""The options of `hsslam-bench ablation|replica|tum|scannet`, and changes to a configuration by name."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -27,20 +24,20 @@ def data_folder(given: Path | None) -> Path:
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Measures a table of the paper: mean and standard deviation over the seeds, beside the paper's numbers.
+    """Measures a table of the paper: mean and standard deviation over the seeds, and the paper's numbers.
 
     Examples:
       hsslam-bench tum --fetch --preset realtime
       hsslam-bench ablation --sequences tum --fetch --rows full D --seeds 0
 
-    Sequences that are not on disk are skipped and reported. Results in the file for this commit and
-    configuration are not measured again.
+    The command reports and skips sequences that are not on disk. It keeps results in the file for this
+    commit and configuration.
 
     Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
     bad.
 
     Raises:
-        UserError: an option has a value that cannot be used.
+        UserError: an option has a bad value.
     """
 
     VALUES: ClassVar = {
@@ -53,16 +50,16 @@ class TableOptions:
     data: Path | None = None
     """Folder of the sequences (none: $HSSLAM_DATA, $HSSLAM_TEST_DATA, else ../shared/data)."""
     preset: PresetName = "paper"
-    """Configuration that the rows change; eslam and co-slam are the methods of comparison."""
+    """Configuration that the rows change; eslam and co-slam are the compared methods."""
     seeds: tuple[int, ...] = (0, 1, 2)
-    """Seeds of all random numbers."""
+    """Seeds of all random numbers; each run is repeated with each seed."""
     rows: tuple[str, ...] = ()
     """Rows of the table, such as full A B, or room0 room1 (none: all)."""
     sequences: tuple[str, ...] = ()
-    """For the ablation: sequences of every row, such as house, room0, fr1/desk, room; tum: the three of the
-    table of TUM (none: house)."""
+    """Sequences of every row of the ablation, such as house, room0, fr1/desk, room; tum: the three sequences
+    of the TUM table (none: house)."""
     fetch: bool = False
-    """Fetch sequences of TUM RGB-D that are not on disk (several GB), to $HSSLAM_DATA, else to the cache."""
+    """Download TUM RGB-D sequences that are not on disk (several GB), to $HSSLAM_DATA, else to the cache."""
     frames: int | None = None
     """Use at most N frames of each sequence (none: all)."""
     stride: int = 1
@@ -70,13 +67,13 @@ class TableOptions:
     noise: Literal["none", "kinect"] = "none"
     """Depth noise added to sequences without noise."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
-    """Where the map is computed; auto: an NVIDIA GPU if one works."""
+    """Device that computes the map; auto: an NVIDIA GPU if one works, else the CPU."""
     set: tuple[str, ...] = ()
     """Changes to the preset for all rows, such as mapper.rays=500."""
     out: Path | None = None
-    """Result file, JSON, beside the table (.md) and a folder of the runs (none: runs/tables/TABLE.json)."""
+    """Result file, JSON; beside it go the table (.md) and the runs (none: runs/tables/TABLE.json)."""
     show: bool = False
-    """Run nothing: show the table of the results in the file, of any commit."""
+    """Run nothing: show the table of the results in the file, from any commit."""
     rescore: bool = False
     """Run nothing: score the trajectories and meshes of the runs in the file again."""
     docs: tuple[Path, ...] = ()
@@ -86,11 +83,11 @@ class TableOptions:
         if not self.seeds or any(seed < 0 for seed in self.seeds):
             raise UserError(f"--seeds {' '.join(map(str, self.seeds))}: expected numbers from 0")
         if self.show and self.rescore:
-            raise UserError("--show --rescore: expected one of them")
+            raise UserError("--show --rescore: expected only one of these options")
 
     @property
     def protocol(self) -> str:
-        """What was done to every sequence, in words."""
+        """The options of all runs in words."""
         parts = [f"preset {self.preset}", *self.set, f"{self.frames or 'all'} frames"]
         if self.stride > 1:
             parts.append(f"one in {self.stride}")
@@ -100,10 +97,10 @@ class TableOptions:
 
 
 def with_overrides(config: SlamConfig, overrides: Mapping[str, Override]) -> SlamConfig:
-    """The configuration with `{"group.field": value}` changed; `TWICE` doubles the value there is.
+    """The configuration with changes as `{"field.plane_channels": 16}`; `TWICE` doubles a value.
 
     Raises:
-        UserError: no such parameter (the nearest is suggested), or a value it cannot have.
+        UserError: an unknown parameter (the message suggests the nearest name), or a bad value.
     """
     changed: dict[str, dict[str, Any]] = {}
     for name, value in overrides.items():
@@ -121,10 +118,10 @@ def with_overrides(config: SlamConfig, overrides: Mapping[str, Override]) -> Sla
 
 
 def parsed_overrides(texts: tuple[str, ...]) -> dict[str, Override]:
-    """`("mapper.rays=500",)` as a mapping; values stay text until the parameter's type is known.
+    """Parse `("mapper.rays=500",)` to a mapping; the values stay text.
 
     Raises:
-        UserError: no `=` in it.
+        UserError: a text has no `=`.
     """
     pairs = {}
     for text in texts:

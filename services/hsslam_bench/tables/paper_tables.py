@@ -1,6 +1,6 @@
-"""The tables of the paper as data: what each row runs, and the numbers that the paper prints.
+"""The tables of the paper as data: the changes of each row, and the paper's numbers.
 
-Nothing here computes. Numbers are copied from the paper's tables (centimetres, per cent, megabytes).
+Numbers are copied from the paper's tables (centimetres, per cent, megabytes).
 """
 
 from collections.abc import Mapping
@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 TableName = Literal["ablation", "replica", "tum", "scannet"]
-TWICE: Final = "twice"  # an override: the preset's own value, doubled
+TWICE: Final = "twice"  # an override: double the preset's value
 
-# Of meshes by our exact protocol, and by the literature's, which the paper's numbers are of.
+# Metrics of meshes by our exact protocol, and by the literature's protocol, which the paper uses.
 EXACT: Final = ("accuracy_cm", "completion_cm", "completion_pct")
 LITERATURE: Final = ("accuracy_lit_cm", "completion_lit_cm", "completion_lit_pct")
 
@@ -19,7 +19,7 @@ Override = int | float | str | bool
 
 @dataclass(frozen=True)
 class PaperRow:
-    """One row: a change to the preset, or a sequence, or the mean of all of these."""
+    """One row: a change to the preset, a sequence, or the mean of all sequences."""
 
     name: str  # for --rows
     title: str
@@ -29,14 +29,14 @@ class PaperRow:
 
 @dataclass(frozen=True)
 class PaperTable:
-    """One table. Rows are sequences, but in the ablation, whose sequences are an option."""
+    """One table. Its rows are sequences; in the ablation they are changes, and the sequences an option."""
 
     name: TableName
     title: str
     rows: tuple[PaperRow, ...]
     mean: PaperRow | None  # over the rows
     metrics: tuple[str, ...]
-    sequences: tuple[str, ...] = ()  # of every row; none: each row is its own sequence
+    sequences: tuple[str, ...] = ()  # of every row; empty: each row is a sequence
 
 
 def _replica(*numbers: float) -> dict[str, float]:
@@ -61,14 +61,14 @@ METHOD_OF_PRESET: Final = {
 }
 
 MESH = (*EXACT, *LITERATURE, "depth_l1_cm")
-IMAGES = ("psnr_db", "ssim")  # of frames that the map was not made of
+IMAGES = ("psnr_db", "ssim")  # of frames held out from mapping
 TRACKING = ("ate_cm", "ate_mean_cm", "ate_online_cm", "lost")
 COST = ("model_mib", "fps")
 
-# Table II, mean of the eight Replica scenes. (C) The paper does not say how fine its dense grid is. Here
-# every level is dense, its 16 levels end at 12 cm, between the planes' two cells: at 2 cm the finest alone
-# would have 1.7e9 vertices in the largest bound. (I) As in Co-SLAM (preset `co-slam`): 2048 rays of all
-# keyframes, after each keyframe, two pose steps at its rate.
+# Table II, mean of the eight Replica scenes. (C) The paper does not give the cell of its dense grid. Here all
+# 16 levels are dense, and the finest cell is 12 cm, between the two cells of the planes; at 2 cm the finest
+# level alone would have 1.7e9 vertices in the largest bound. (I) As in Co-SLAM (preset `co-slam`): 2048 rays
+# of all keyframes, after each keyframe, two pose steps at its rate.
 ABLATION: Final = PaperTable(
     name="ablation",
     title="Ablation (Table II)",
@@ -147,7 +147,7 @@ ABLATION: Final = PaperTable(
     ),
 )
 
-# Table I; size and speed are those of room0 (Table V).
+# Table I; size and speed are of room0 (Table V).
 REPLICA: Final = PaperTable(
     name="replica",
     title="Replica (Table I)",
@@ -207,7 +207,7 @@ TUM: Final = PaperTable(
     ),
 )
 
-# Table III names no scenes: these six are those of its baselines.
+# Table III names no scenes: these are the six scenes of its baselines.
 SCANNET: Final = PaperTable(
     name="scannet",
     title="ScanNet (Table III)",

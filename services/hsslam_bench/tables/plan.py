@@ -1,4 +1,4 @@
-"""The runs that a table needs, the sequences they read, and the runs that cannot be made."""
+"""Plans the runs of a table: finds their sequences, and lists the sequences that are not on disk."""
 
 import hashlib
 from collections.abc import Iterator
@@ -19,14 +19,14 @@ from hsslam_node.sources.options.source import SourceOptions
 
 _COLLECTIONS = ("", "Replica", "replica", "TUM", "tum", "ScanNet", "scannet", "scans")
 _OWN = {"house": "replica", "livingroom": "tum", "kitchen": "tum"}  # kinds of the test sequences
-_WHERE_FROM = "docs/sequences.md says where it is from"
+_SEE = "see docs/sequences.md"
 
 
 def find_sequence(data: Path, name: str) -> str | None:
-    """The `--source` of a sequence such as room0, fr1/desk, scene0000_00 or house; None: not on disk.
+    """The `--source` of a sequence, as room0, fr1/desk, scene0000_00, house or room; None: not on disk.
 
-    Looked for in the folder itself and in Replica, TUM, ScanNet or scans below it, those of TUM also where
-    they are fetched to. `room` is built in.
+    Searches the folder, its subfolders Replica, TUM, ScanNet and scans, and for TUM the folder of downloads.
+    `room` is a built-in scene.
     """
     if name == "room":
         return "synth:room"
@@ -40,12 +40,12 @@ def find_sequence(data: Path, name: str) -> str | None:
 
 
 def expected_place(data: Path, name: str) -> str:
-    """What to look at when it is not there."""
+    """The path to name in a message if a sequence is not on disk."""
     return str(data / next(_candidates(name))[1])
 
 
 def _candidates(name: str) -> Iterator[tuple[str, str]]:
-    """Kind of source and path, as the archives unpack."""
+    """Kind of source and path, for each layout in which archives unpack."""
     if name in _OWN:
         yield _OWN[name], name
     elif (archive := TumArchive.named(name)) is not None:
@@ -56,65 +56,65 @@ def _candidates(name: str) -> Iterator[tuple[str, str]]:
         yield "scannet", f"{name}.sens"
         yield "scannet", name
     else:
-        yield "replica", name  # as in the archive of NICE-SLAM
-        yield "replica", f"{name[:-1]}_{name[-1]}/imap/00"  # of vMAP
+        yield "replica", name  # archive of NICE-SLAM
+        yield "replica", f"{name[:-1]}_{name[-1]}/imap/00"  # archive of vMAP
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
-    """One configuration on one sequence with one seed, complete: a process needs nothing else."""
+    """One configuration on one sequence with one seed: all that the process of a run needs."""
 
     table: TableName
     row: str
     sequence: str
     source: str  # as for --source
     seed: int
-    protocol: str  # in words; preset and changes to it are in the configuration
+    protocol: str  # in words; `config` has the preset with its changes
     config: SlamConfig
     frames: SourceOptions
-    box: tuple[float, ...] = ()  # that the map covers, in the truth's world, m; none: as configured
+    box: tuple[float, ...] = ()  # bound of the map, in the truth's world, m; empty: as configured
     device: Literal["auto", "cpu", "cuda"] = "cpu"
 
     @property
     def name(self) -> str:
-        """For people; runs of other options have the same."""
+        """Name for people; runs with other options have the same name."""
         return f"{self.row}-{self.sequence.replace('/', '-')}-seed{self.seed}"
 
     @property
     def key(self) -> str:
-        """Equal for jobs that do the same; where the data lies is no matter."""
+        """Equal for jobs that do the same, wherever the data lies."""
         same = msgspec.structs.replace(self, source=self.source.rpartition("/")[2])
         return hashlib.sha256(msgspec.json.encode(same)).hexdigest()[:16]
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came out of a job. New fields have defaults."""
+    """The result of a job. New fields have defaults."""
 
     key: str
     row: str
     sequence: str
     seed: int
     protocol: str
-    commit: str  # ends with + where files had been changed
+    commit: str  # with a trailing + if files were changed
     time: str = ""  # UTC
     values: dict[str, float | None] = {}  # by metric
     details: dict[str, Any] = {}  # the evaluation's report, the model's parts, frames
-    error: str = ""  # its last words if it failed
+    error: str = ""  # last line of output if it failed
     scored_by: str = ""  # commit of a later evaluation of the same trajectories and mesh
 
     def answers(self, job: Job) -> bool:
-        """Whether this is of the job's row, sequence, seed and protocol, be it of another commit."""
+        """Whether row, sequence, seed and protocol are those of the job; the commit may differ."""
         mine = (self.row, self.sequence, self.seed, self.protocol)
         return mine == (job.row, job.sequence, job.seed, job.protocol)
 
 
 def folder_name(run: Job | RunResult) -> str:
-    """Of the folder with the files of a run; a run of other options has another."""
+    """Name of the folder with the files of a run; runs with other options have another name."""
     return f"{run.row}-{run.sequence.replace('/', '-')}-seed{run.seed}-{run.key}"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs, seed by seed: what there is early on is a whole table of few seeds."""
+    """The runs, seed by seed, so that the first results are a whole table of few seeds."""
 
     rows: tuple[PaperRow, ...]
     jobs: tuple[Job, ...]
@@ -122,14 +122,14 @@ class Plan:
 
 
 def plan_table(table: PaperTable, options: TableOptions) -> Plan:
-    """The runs of the rows that were asked for. With `--fetch` what is public is fetched first.
+    """Plan the runs of the chosen rows; with `--fetch` download public sequences first.
 
     Raises:
-        UserError: no such row or parameter, a value that it cannot have, or a download that fails.
+        UserError: an unknown row or parameter, a bad value, or a failed download.
     """
     rows = tuple(titled(row, options.preset) for row in _rows(table, options.rows))
     given = parsed_overrides(options.set)
-    with_overrides(PRESETS[options.preset], given)  # what is wrong with them is said at once
+    with_overrides(PRESETS[options.preset], given)  # raises early
     frames = SourceOptions(noise=options.noise, stride=options.stride, frames=options.frames)
     if options.sequences and not table.sequences:
         raise UserError(f"--sequences: the rows of {table.name} are sequences: expected --rows")
@@ -144,7 +144,7 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                 source = find_sequence(data_folder(options.data), sequence)
                 if source is None and not options.show:
                     place = expected_place(data_folder(options.data), sequence)
-                    reason = f"{place} is not on disk; {_WHERE_FROM}"
+                    reason = f"{place} is not on disk; {_SEE}"
                     skipped[sequence] = f"skipped {sequence}: {reason}"
                     continue
                 settings = settings_of(options.preset, sequence)
@@ -167,20 +167,20 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
 
 
 def titled(row: PaperRow, preset: PresetName) -> PaperRow:
-    """The row under the name of what is measured: `realtime` is not the paper's method."""
+    """The row with the title of what runs: preset `realtime` is not the paper's method."""
     if row.name == "full" and preset == "realtime":
         return replace(row, title=f"preset {preset}")
     return row
 
 
 def _named(sequences: tuple[str, ...]) -> tuple[str, ...]:
-    """`tum` stands for the sequences of the paper's table of TUM."""
+    """The names, with `tum` replaced by the sequences of the paper's TUM table."""
     of_tum = tuple(row.name for row in TUM.rows)
     return tuple(n for name in sequences for n in (of_tum if name == TUM.name else (name,)))
 
 
 def _fetch(data: Path, names: set[str]) -> None:
-    """Fetch those that are public and not on disk, one after the other."""
+    """Download the public sequences that are not on disk, one after the other."""
     for name in sorted(names):
         archive = TumArchive.named(name)
         if archive is not None and find_sequence(data, name) is None:

@@ -1,4 +1,4 @@
-"""The results of a table as JSON: grows run by run, and several commands may fill one file."""
+"""The JSON file with the results of a table; several commands may add runs to one file."""
 
 import fcntl
 from collections.abc import Iterator, Sequence
@@ -23,10 +23,10 @@ class _Content(msgspec.Struct):
 
 
 class ResultFile:
-    """All runs of one table; the file is whole at any time.
+    """All runs of one table; each write replaces the file in one step.
 
     Raises:
-        UserError: the file is there and is not the result of this table.
+        UserError: the file exists but is not a result of this table.
     """
 
     def __init__(self, path: Path, table: str) -> None:
@@ -36,13 +36,13 @@ class ResultFile:
 
     @property
     def runs(self) -> Sequence[RunResult]:
-        """What is in the file now, oldest first."""
+        """The runs in the file now, oldest first."""
         return self._content().runs
 
     def done(self, job: Job, commit: str) -> RunResult | None:
-        """The result of exactly this job and commit, if it is there and did not fail.
+        """The result of exactly this job and commit, unless it failed; None without one.
 
-        Files that were changed since the commit (its name ends with +) may be others by now.
+        None also for a commit with changed files (a trailing +), since they may have changed again.
         """
         if commit.endswith("+"):
             return None
@@ -50,12 +50,12 @@ class ResultFile:
         return same[-1] if same else None
 
     def newest(self, job: Job) -> RunResult | None:
-        """The last result of the job's row, sequence, seed and protocol, of whatever commit."""
+        """The last result of the job's row, sequence, seed and protocol, from any commit."""
         found = [result for result in self.runs if result.answers(job)]
         return found[-1] if found else None
 
     def add(self, result: RunResult, machine: Machine) -> None:
-        """Store a result; an older one of the same key and commit gives way."""
+        """Store a result; it replaces an older result of the same key and commit."""
         with self._locked():
             content = self._content()
             content.runs = [

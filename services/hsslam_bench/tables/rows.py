@@ -1,6 +1,6 @@
-"""Rows of the benchmark for preset `paper`: its speed; by name whole sequences, and rows of the ablation.
+"""Rows for preset `paper`: its speed and, measured only by name, whole sequences and rows of the ablation.
 
-Apart from `checks`, which the results read.
+Apart from `checks`, which `results` imports.
 """
 
 import json
@@ -33,7 +33,7 @@ _ABLATION_SEQUENCE = "house-kinect"
 _SPEED_SEQUENCE, _SPEED_FRAMES, _SPEED_FPS = "house", 40, 1.0
 _FOUND = "found.json"  # in the folder of a run
 _QUICK = ("mapper.first_iterations=3", "mapper.rays=400", "mesher.final_voxel_m=0.1")
-_UNITS = {"psnr_db": " dB", "ssim": ""}  # of others: that in their names
+_UNITS = {"psnr_db": " dB", "ssim": ""}  # others have the unit in the name
 _NAMES = {
     "accuracy_cm": "mesh {}",
     "completion_cm": "complete to {}",
@@ -48,7 +48,7 @@ _NAMES = {
 
 
 def paper_checks() -> list[Check]:
-    """The speed, one check for each whole sequence, one for each row of the ablation."""
+    """One check for the speed, one for each whole sequence, one for each row of the ablation."""
     speed = f"{_SPEED_SEQUENCE}, first {_SPEED_FRAMES} frames, all cores: preset paper, speed"
     return [
         Check("paper:speed", f"{speed} and accuracy", f"{_SPEED_FPS:g} frame a second", _speed),
@@ -115,7 +115,7 @@ def _measured(found: Sequence[RunResult], bound_cm: float | None) -> Measured:
 
 
 def _spread(values: Sequence[float], metric: str) -> str:
-    """Mean and deviation over the seeds, with unit."""
+    """Mean and standard deviation over the seeds, with unit."""
     unit = _UNITS.get(metric, " %" if metric.endswith("_pct") else " cm")
     digits = 3 if metric == "ssim" else 2
     deviation = f" ± {statistics.stdev(values):.{digits}f}" if len(values) > 1 else ""
@@ -123,10 +123,10 @@ def _spread(values: Sequence[float], metric: str) -> str:
 
 
 def _result(session: Session, row: str, sequence: str, seed: int) -> RunResult:
-    """Of one run, made once; a benchmark that is begun again with the same --out goes on from there.
+    """The result of one run; a benchmark with the same --out keeps it.
 
     Raises:
-        RunFailedError: with the last words of the run.
+        RunFailedError: the run failed; the text has its last line of output.
     """
     job = _job(session, row, sequence, seed)
     folder = session.folder / f"paper-{sequence}-{job.name}"
@@ -144,7 +144,7 @@ def _result(session: Session, row: str, sequence: str, seed: int) -> RunResult:
 
 
 def _kept(folder: Path, job: Job, commit: str) -> RunResult | None:
-    """What this or an earlier call has found of the job, at this commit."""
+    """The result of this or an earlier call for the job at this commit; None without one."""
     try:
         result = msgspec.json.decode((folder / _FOUND).read_bytes(), type=RunResult)
     except (OSError, msgspec.MsgspecError):
@@ -154,7 +154,7 @@ def _kept(folder: Path, job: Job, commit: str) -> RunResult | None:
 
 def _job(session: Session, row: str, sequence: str, seed: int) -> Job:
     place, _, noise = sequence.partition("-")
-    session.source(place)  # skipped if it is not there
+    session.source(place)  # raises Skipped if it is not on disk
     if session.extra:
         raise NotMeasured("options after -- are of hsslam-serve, which these rows do not run")
     options = TableOptions(

@@ -1,4 +1,4 @@
-"""A job in a process of its own, so that whatever happens to it costs this one run."""
+"""Runs a job in a process of its own, so that a crash fails only this run."""
 
 import shutil
 import subprocess
@@ -22,12 +22,12 @@ _JOB, _SCORE_JOB, _RESULT, _ERRORS = "job.json", "score.json", "result.json", "s
 def run_job(
     job: Job, folder: Path, commit: str, report: Callable[[int, int], None] = lambda *_: None
 ) -> RunResult:
-    """Run it to its end in `folder`, which is emptied first; a failure is a result with its last words.
+    """Run a job to its end in `folder`, which is emptied first; a failure is a result with `error`.
 
-    `tell` gets frames done and frames in all. Interrupted, it takes the process with it.
+    `report` gets the frames that are done and the number of all frames. An interrupt kills the process.
 
     Raises:
-        UserError: the folder cannot be written.
+        UserError: the folder is not writable.
     """
     try:
         shutil.rmtree(folder, ignore_errors=True)
@@ -49,10 +49,10 @@ def run_job(
 
 
 def rescored(job: Job, result: RunResult, folder: Path, commit: str) -> RunResult:
-    """The result with the accuracy of what lies in `folder`, as it is measured now.
+    """The result with new scores of the trajectories, mesh and map in `folder`.
 
     Raises:
-        RunFailedError: with the last words of the process.
+        RunFailedError: the process failed; the text has its last line of output.
     """
     found, error = _run(job, folder / _SCORE_JOB, lambda *_: None, "--score")
     if error:
@@ -68,7 +68,7 @@ def rescored(job: Job, result: RunResult, folder: Path, commit: str) -> RunResul
 def _run(
     job: Job, path: Path, report: Callable[[int, int], None], *options: str
 ) -> tuple[dict[str, Any], str]:
-    """What the process found, or its last words if it failed. The job is written to `path`."""
+    """Write the job to `path` and run it; returns its result, and an error if it failed."""
     path.write_bytes(msgspec.json.encode(job))
     with (path.parent / _ERRORS).open("wb") as errors:
         process = subprocess.Popen(
@@ -97,4 +97,4 @@ def _run(
 
 def _last_line(path: Path) -> str:
     lines = path.read_text(errors="replace").strip().splitlines()
-    return lines[-1] if lines else "it said nothing"
+    return lines[-1] if lines else "no message"

@@ -1,8 +1,8 @@
 """One run of a table, in a process of its own: `python -m ... FOLDER/JOB.json [--score]`.
 
-Tracks and maps every frame in turn, as lockstep does; leaves trajectories, mesh, map and `result.json` in
-FOLDER. With `--score` the trajectories, mesh and map are there already. Progress is a line on stdout,
-"frames done" and "frames in all".
+It tracks and maps every frame in turn, as lockstep does, and writes trajectories, mesh, map and `result.json`
+to FOLDER. With `--score` it only scores the trajectories, mesh and map in FOLDER. Progress is a line on
+stdout with the frames done and the number of all frames.
 """
 
 import sys
@@ -36,12 +36,12 @@ from hsslam_node.warm_start import warm_start
 
 RESULT = "result.json"
 _MAP = "map.safetensors"
-_TELL_EVERY = 5  # frames
+_REPORT_EVERY = 5  # frames
 _CM = 100.0
 
 
 def main() -> None:
-    """Exit code 0: done; 2: told in one line on stderr."""
+    """Exit code 0: done; 2: failed, with one line on stderr."""
     path = Path(sys.argv[1])
     try:
         job = msgspec.json.decode(path.read_bytes(), type=Job)
@@ -56,29 +56,29 @@ def main() -> None:
 
 
 def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dict[str, Any]:
-    """Run a job, leave its files in `folder`; returns {"values": by metric, "details": ...}.
+    """Run a job, write its files to `folder`; returns {"values": by metric, "details": ...}.
 
     Raises:
-        UserError: the source cannot be read, or nothing could be tracked.
+        UserError: the source is not readable, or has no readable frame.
     """
     torch.set_num_threads(1)
-    source = open_source(job.source, job.frames)  # what is wrong with it is told at once
+    source = open_source(job.source, job.frames)  # first, as it may raise
     device = choose_device(job.device)
     truth = open_ground_truth(job.source, job.frames)
     config = replace(job.config, bound=bound_in_box(job, truth))
-    warm_start(config, device)  # machine code is loaded, for all rows alike
+    warm_start(config, device)  # load compiled kernels first, for all rows
     slam = Slam(config, job.seed, device=device)
     seconds = _track(source, slam, report, device)
     rows = slam.pose_log.rows()
     if slam.store is None or slam.parameters is None:
-        raise UserError(f"{job.source}: no frame could be read: expected some")
+        raise UserError(f"{job.source}: no readable frame: expected at least one")
     poses = slam.store.poses()
     write_tum(folder / "trajectory_online.txt", online_trajectory(rows))
     write_tum(folder / "trajectory.txt", slam.trajectory())
     stamps = slam.store.stamps_ns()[: len(poses)]
     write_tum(folder / "keyframes.txt", Trajectory(stamps, poses))
     params = slam.parameters
-    # the literature meshes all of its box, and the protocols cull: that needs a box, and a truth to cull by
+    # the literature meshes its whole box, and protocols cull: needs a box, and a true mesh to cull by
     everywhere = bool(job.box) and truth is not None and truth.load_mesh is not None
     mesh = slam.mesh(config.mesher.final_voxel_m, everywhere=everywhere)
     if len(mesh.faces):
@@ -103,9 +103,9 @@ def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dic
 
 
 def bound_in_box(job: Job, truth: GroundTruth | None) -> BoundConfig:
-    """The bound of the job's configuration, with its box and the first camera's place in it.
+    """The bound of the job's configuration, with its box and the first camera's pose in it.
 
-    As in the originals the first pose is given, so that a box fits. It places the world and nothing else.
+    As in the originals, the true first pose is given, so that the box fits. It only places the world.
     """
     if not job.box or truth is None:
         return job.config.bound
@@ -125,8 +125,8 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
 
 
 def _track(source: Source, slam: Slam, report: Callable[[int, int], None], device: Device) -> float:
-    """The time for all frames: of the processor alone where there is no other device, so that it does not
-    matter what else runs."""
+    """Track and map all frames; returns the seconds: process time on the CPU, so that other load does not
+    matter, wall time on a GPU."""
     clock = time.perf_counter if device.uses_triton else time.process_time
     tracked, seconds = 0, 0.0
     for frame in source.frames():
@@ -136,7 +136,7 @@ def _track(source: Source, slam: Slam, report: Callable[[int, int], None], devic
         slam.process(frame)
         seconds += clock() - start
         tracked += 1
-        if tracked % _TELL_EVERY == 0:
+        if tracked % _REPORT_EVERY == 0:
             report(tracked, source.frame_count or 0)
     start = clock()
     slam.finish()
@@ -144,7 +144,7 @@ def _track(source: Source, slam: Slam, report: Callable[[int, int], None], devic
 
 
 def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
-    """The metrics of the tables from the evaluation's report; what it does not have is left out."""
+    """The metrics of the tables that the evaluation's report has."""
     ate, mesh = report.get("ate", {}), report.get("mesh", {})
     published = report.get("mesh_literature", {})
     final, online = ate.get("final", {}), ate.get("online", {})

@@ -12,25 +12,25 @@ from hsslam_node.evaluation.mesh.tsdf_baseline import import_open3d
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 
-VOXEL_M = 3 / 512  # this and the next as in Open3D's example
+VOXEL_M = 3 / 512  # both as in Open3D's example
 MOST_DEPTH_M = 3.0
 TRUNCATION_VOXELS = 8.0
 _LEAST_DEPTH_M = 0.1
-_BLOCKS = 20_000  # taken at the start; it grows
-_LEAST_WEIGHT = 3.0  # frames that must observe a voxel of the mesh, as in Open3D's own example
+_BLOCKS = 20_000  # allocated at the start; more are added as needed
+_LEAST_WEIGHT = 3.0  # least frames that observe a voxel of the mesh, as in Open3D's example
 
 
 def expect_open3d() -> Any:
-    """Open3D.
+    """Import Open3D.
 
     Raises:
-        UserError: it is not installed, or finds a library of the system missing.
+        UserError: Open3D or a system library that it needs is not installed.
     """
     return import_open3d("the dense SLAM of Open3D")
 
 
 class _Model:
-    """The voxels, and the camera in them.
+    """The voxel model, and the pose of the camera.
 
     Source: Open3D, `examples/python/t_reconstruction_system/dense_slam.py`.
     """
@@ -47,7 +47,7 @@ class _Model:
         self.T_world_cam = np.eye(4)
 
     def take(self, frame: Frame) -> bool:
-        """Track the frame and integrate it; False: it could not be tracked, and is left out."""
+        """Track the frame and integrate it; returns False if tracking failed and the frame is left out."""
         o3d, model = self._o3d, self._model
         for kind, image in (("depth", frame.depth_raw), ("color", frame.color)):
             tensor = o3d.core.Tensor(np.ascontiguousarray(image))
@@ -57,7 +57,7 @@ class _Model:
                 found = model.track_frame_to_model(
                     self._input, self._seen, self._units, MOST_DEPTH_M
                 )
-            except RuntimeError:  # a singular system: nothing that overlaps
+            except RuntimeError:  # singular system: no overlap
                 return False
             self.T_world_cam = self.T_world_cam @ found.transformation.numpy()
         model.update_frame_pose(self._count, o3d.core.Tensor(self.T_world_cam))
@@ -69,7 +69,7 @@ class _Model:
         return True
 
     def mesh(self) -> trimesh.Trimesh:
-        """In the world of the poses."""
+        """The mesh in the world of the poses."""
         found = self._model.extract_trianglemesh(_LEAST_WEIGHT).to_legacy()
         return trimesh.Trimesh(
             np.asarray(found.vertices), np.asarray(found.triangles), process=False
@@ -84,7 +84,7 @@ def frame_to_model(frames: Iterable[Frame]) -> Estimate:
     """Poses and mesh of the frames.
 
     Raises:
-        UserError: there is no frame.
+        UserError: the source has no readable frame.
     """
     model: _Model | None = None
     stamps_ns, poses = [], []
@@ -94,5 +94,5 @@ def frame_to_model(frames: Iterable[Frame]) -> Estimate:
             stamps_ns.append(frame.stamp_ns)
             poses.append(model.T_world_cam)
     if model is None:
-        raise UserError("no frame could be read: expected some")
+        raise UserError("no readable frame: expected at least one")
     return Estimate(Trajectory(np.array(stamps_ns, np.int64), np.array(poses)), model.mesh())

@@ -1,4 +1,4 @@
-"""OpenCV's RGB-D odometry: `cv2.Odometry` from frame to frame, and against keyframes."""
+"""OpenCV's RGB-D odometry, `cv2.Odometry`: from frame to frame, and against keyframes."""
 
 from collections.abc import Iterable
 
@@ -11,7 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.geometry.trajectory import Trajectory
 
-KEYFRAME_M, KEYFRAME_DEG = 0.05, 4.0  # from the keyframe: the next frame refers to this one
+KEYFRAME_M, KEYFRAME_DEG = 0.05, 4.0  # a frame farther from its keyframe is the next keyframe
 
 
 class _Odometry:
@@ -31,7 +31,7 @@ class _Odometry:
         return found
 
     def motion(self, a: cv2.OdometryFrame, b: cv2.OdometryFrame) -> np.ndarray | None:
-        """T_a_b [4, 4]; None where it fails."""
+        """T_a_b [4, 4]; None if the odometry fails."""
         try:
             ok, T_a_b = self._odometry.compute(b, a)
         except cv2.error:  # no pixel with depth
@@ -42,18 +42,18 @@ class _Odometry:
 
 
 def from_frame_to_frame(frames: Iterable[Frame]) -> Estimate:
-    """Each frame against the last."""
-    return _followed(frames, 0.0, 0.0)
+    """Track each frame against the previous one."""
+    return _tracked(frames, 0.0, 0.0)
 
 
 def against_keyframes(frames: Iterable[Frame]) -> Estimate:
-    """Each frame against a keyframe, until the camera is 5 cm or 4 degrees from it, or tracking fails."""
-    return _followed(frames, KEYFRAME_M, KEYFRAME_DEG)
+    """Track each frame against a keyframe, until the camera is 5 cm or 4 degrees away or tracking fails."""
+    return _tracked(frames, KEYFRAME_M, KEYFRAME_DEG)
 
 
-def _followed(frames: Iterable[Frame], far_m: float, far_deg: float) -> Estimate:
-    """A frame that fails against its keyframe is tried against the last; it is lost if that fails, too, and
-    the next one starts where the camera was last seen."""
+def _tracked(frames: Iterable[Frame], far_m: float, far_deg: float) -> Estimate:
+    """Track frames against keyframes. A frame that fails is tried against the previous frame. If that fails
+    too, the frame is lost and becomes a keyframe at the last tracked pose."""
     odometry: _Odometry | None = None
     stamps_ns: list[int] = []
     poses: list[np.ndarray] = []

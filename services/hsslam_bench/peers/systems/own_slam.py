@@ -1,4 +1,4 @@
-"""HS-SLAM itself, for the same table, alone in its process: preset `realtime` as lockstep runs it."""
+"""HS-SLAM itself as a peer, alone in its process: preset `realtime` in lockstep."""
 
 from collections.abc import Iterable
 
@@ -14,7 +14,7 @@ _CONFIG = PRESETS["realtime"]
 
 
 def prepare() -> None:
-    """Load the machine code."""
+    """Load the compiled kernels."""
     warm_start(_CONFIG, CPU)
 
 
@@ -22,12 +22,12 @@ def track_and_map(frames: Iterable[Frame]) -> Estimate:
     """Final poses and mesh of the frames.
 
     Raises:
-        UserError: there is no frame.
+        UserError: the source has no readable frame.
     """
     slam = Slam(_CONFIG)
     for frame in frames:
         slam.process(frame)
     if slam.store is None or slam.parameters is None:
-        raise UserError("no frame could be read: expected some")
+        raise UserError("no readable frame: expected at least one")
     slam.finish()
     return Estimate(slam.trajectory(), slam.mesh(_CONFIG.mesher.final_voxel_m))

@@ -1,4 +1,4 @@
-"""What a peer leaves of a sequence; alone, as every other system fills it in its own module."""
+"""A peer and the estimate that it returns; alone, as the module of each system imports it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Estimate:
-    """Poses of the frames that the peer tracked, and its mesh (m) in their world, if it makes one."""
+    """Poses of the frames that the peer tracked, and its mesh (m) in the same world, if it makes one."""
 
     trajectory: Trajectory
     mesh: trimesh.Trimesh | None = None
@@ -18,20 +18,20 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Peer:
-    """One row of the table for each sequence.
+    """A system; the table has one row for each sequence and peer.
 
-    Import paths are `module:name`; they are imported in the process that runs the peer.
+    Import paths are `module:name`; the process that runs the peer imports them.
     """
 
     name: str
-    """For `--peers` and `--only`."""
+    """Name for `--peers` and `--only`."""
     title: str
-    """What tables call it."""
+    """Name in tables."""
     settings: str
-    """What was set, in words; all else is as the peer has it."""
+    """Settings in words; all others are the peer's defaults."""
     estimate: str
     """Import path of `(frames) -> Estimate`."""
     prepare: str = ""
-    """Import path of what is done before the clock starts."""
+    """Import path of a function to call before the clock starts."""
     expect: Callable[[], object] = lambda: None
     """Raises UserError if the peer cannot run on this machine."""

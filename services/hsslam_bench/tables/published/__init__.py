@@ -1,1 +1,1 @@
-"""What the methods of comparison have published beside their numbers."""
+"""Settings that the compared methods have published."""

@@ -1,6 +1,6 @@
-"""What the files of ESLAM and Co-SLAM give for a data set or a scene, if their presets have other values.
+"""Settings for a data set or a scene from the files of ESLAM and Co-SLAM that differ from their presets.
 
-Nothing here computes. HS-SLAM has published no files: `paper` takes ESLAM's rates and Co-SLAM's boxes.
+HS-SLAM has published no files: preset `paper` uses ESLAM's rates and Co-SLAM's boxes.
 """
 
 from collections.abc import Mapping
@@ -16,26 +16,27 @@ Overrides = Mapping[str, Override]
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """What a preset changes for a sequence."""
+    """The changes of a preset for a sequence."""
 
     data_set: DataSet
     overrides: Overrides = field(default_factory=dict)  # "group.field": value
-    box: tuple[float, ...] = ()  # in the truth's world, m: lowest x y z, then highest
+    box: tuple[float, ...] = ()  # in the truth's world, m: low x y z, then high x y z
 
     @property
     def protocol(self) -> str:
-        """In words, after those of the options."""
+        """The changes in words, to add to the protocol of the options."""
         values = f"; values of {self.data_set}" if self.overrides else ""
         return f"{values}; a box by hand" if self.box else values
 
 
-# Meshes have cells of this size, m, in the files' "resolution" and "voxel_final".
+# Cell of the meshes, m: "resolution" and "voxel_final" of the files.
 _FINE: Final = {"mesher.final_voxel_m": 0.01}
 _MIDDLE: Final = {"mesher.final_voxel_m": 0.02}
 _COARSE: Final = {"mesher.final_voxel_m": 0.03}
 
-# Pixels of a border are ignored after the images are cropped and, for TUM, made smaller: 75 + 10 of 640 and
-# (20 + 8) x 1.25 of 640 here. Rates of rotation are of quaternions: a vector has twice as much.
+# The originals crop the images, shrink them for TUM, then ignore a border. The border here is the sum:
+# 75 + 10 of 640, and (20 + 8) x 1.25 of 640. Rotation rates of the files are for quaternions; here they are
+# doubled, for rotation vectors.
 _ESLAM_SCANNET: Final = {
     "rendering_tracker.iterations": 30,
     "rendering_tracker.translation_rate": 5e-4,
@@ -53,8 +54,9 @@ _ESLAM_TUM: Final = {
     **_FINE,
 }
 
-# Weights of SDF and free space as in preset `co-slam`: means over all samples there, over subsets here. TUM:
-# 2 and 3 of 85 samples in the middle and the tail, 30 free; ScanNet: 4, 7 and 31 of 117.
+# Weights of SDF and free space as in preset `co-slam`: Co-SLAM takes means over all samples, we take means
+# over subsets. TUM: 2 and 3 of 85 samples are in the middle and the tail, 30 in free space; ScanNet: 4, 7
+# and 31 of 117.
 _CO_SLAM_TUM: Final = {
     "mapper.iterations": 16,
     "ba.iterations": 4,
@@ -133,7 +135,8 @@ _SETTINGS: Final[Mapping[PresetName, Mapping[DataSet, Overrides]]] = {
     },
 }
 
-# Co-SLAM's, for all presets of publications; ESLAM's are larger. House, by us: what its camera sees.
+# Co-SLAM's boxes, for all presets of publications; ESLAM's are larger. The box of house, by us, is the space
+# that its camera sees.
 _BOXES: Final[Mapping[str, tuple[float, ...]]] = {
     "room0": (-1.0, -1.3, -1.7, 7.0, 3.7, 1.4),
     "room1": (-5.6, -3.2, -1.6, 1.4, 2.8, 1.8),
@@ -157,7 +160,7 @@ _BOXES: Final[Mapping[str, tuple[float, ...]]] = {
 
 
 def settings_of(preset: PresetName, sequence: str) -> SceneSettings:
-    """What `preset` changes for a sequence, such as room0, fr1/desk, scene0000_00 or house."""
+    """The changes of `preset` for a sequence, such as room0, fr1/desk, scene0000_00 or house."""
     data_set = _data_set(sequence)
     if preset == "realtime":
         return SceneSettings(data_set)
