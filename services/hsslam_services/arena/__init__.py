@@ -1,1 +1,1 @@
-"""The shared memory of a run: arrays that any process of the run attaches by name."""
+"""The shared memory of a run: named arrays to which each process of the run attaches."""

@@ -1,4 +1,4 @@
-"""Named arrays in shared memory that any process of the run attaches by path."""
+"""Named arrays in shared memory; each process of the run attaches to them by path."""
 
 import contextlib
 import errno
@@ -18,25 +18,25 @@ from hsslam_node.errors import OutOfMemoryError
 from hsslam_services.arena.arena_view import ArrayHeader, removed_is_absent
 from hsslam_services.arena.shared_pages import give_back
 
-PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
+PARAMETERS_LEASE = "params"  # held while a process steps the parameters
 
 
 class Arena:
     """The arrays of one arena folder; an `ArrayAllocator` (hsslam_node/map/allocator.py).
 
-    An array is `<name>.bin`, reserved at once (a full /dev/shm is an error here, never a SIGBUS
-    later) and mapped through torch's shared storage; `<name>.json` (dtype, shape) appears after
-    it and makes it ready. A restarted process finds everything as it was.
+    `<name>.bin` holds the data, mapped through torch's shared storage. `create` reserves all its
+    pages: a full /dev/shm is an error there, and no SIGBUS later. `<name>.json` (dtype, shape) is
+    written last and marks the array as ready. A restarted process finds the arrays unchanged.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
 
     def create(self, name: str, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-        """A zero-filled array [*shape]; one that exists with this shape and dtype stays as it is.
+        """Create an array [*shape] of zeros, or open the existing one of this shape and dtype.
 
         Raises:
-            OutOfMemoryError: the memory is full; the bytes needed are named.
+            OutOfMemoryError: the memory is full; the error names the bytes needed.
             ValueError: the array exists with another shape or dtype.
         """
         dtype = np.dtype(dtype)
@@ -47,7 +47,7 @@ class Arena:
         array = self.open(name)
         if array.shape != tuple(shape) or array.dtype != dtype:
             raise ValueError(
-                f"array {name} is {array.dtype}{list(array.shape)}, asked for {dtype}{list(shape)}"
+                f"array {name} is {array.dtype}{list(array.shape)}, expected {dtype}{list(shape)}"
             )
         return array
 
@@ -56,12 +56,12 @@ class Arena:
 
         Raises:
             KeyError: there is no array of this name yet.
-            FileNotFoundError: it was moved to the disk, and is not there any more.
+            FileNotFoundError: it was moved to disk, and its file is gone.
         """
         dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape) * dtype.itemsize
         with removed_is_absent(self._path(name, ".json")):
-            self._path(name, ".bin").stat()  # PyTorch would make the file, of zeros
+            self._path(name, ".bin").stat()  # PyTorch would create a missing file
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
         )
@@ -73,19 +73,19 @@ class Arena:
         return self._path(name, ".json").exists()
 
     def remove(self, name: str) -> None:
-        """Unlink the array, if it is there; processes that map it keep its memory until they let go."""
+        """Unlink the array if it exists; its memory is free when the last process unmaps it."""
         with self.lease("arena-create"):
             self._path(name, ".json").unlink(missing_ok=True)
             self._path(name, ".bin").unlink(missing_ok=True)
 
     def move_to_disk(self, name: str, folder: Path) -> None:
-        """Put a file of `folder` in the place of an array that nothing writes any more.
+        """Replace the data of a finished array by a link to a copy in `folder`.
 
-        Whoever opens the array does not see the difference; its memory is free once those who have
-        opened it before let go of it.
+        `open` works as before. The shared memory is free when the processes that opened the array
+        earlier unmap it.
 
         Raises:
-            OSError: the file cannot be written; the array is as it was.
+            OSError: the file cannot be written; the array is unchanged.
         """
         data = self._path(name, ".bin")
         if data.is_symlink():
@@ -95,14 +95,14 @@ class Arena:
             shutil.copyfile(data, partial)
             partial.chmod(0o600)
         link = self._path(name, ".link")
-        link.unlink(missing_ok=True)  # of a process that died here
+        link.unlink(missing_ok=True)  # left by a process that died here
         link.symlink_to((folder / data.name).absolute())
         link.replace(data)
 
     def drop_row(self, name: str, row: int) -> None:
-        """Give the pages of `array[row]` back to the system; all processes read zeros there.
+        """Free the pages of `array[row]`; all processes read zeros there.
 
-        `reserve_row` comes before the next write.
+        Call `reserve_row` before the next write.
         """
         with self._row(name, row) as (fd, start, nbytes):
             give_back(fd, start, start + nbytes)
@@ -111,14 +111,14 @@ class Arena:
         """Reserve memory for `array[row]` after `drop_row`.
 
         Raises:
-            OutOfMemoryError: the memory is full; the bytes needed are named.
+            OutOfMemoryError: the memory is full; the error names the bytes needed.
         """
         with self._row(name, row) as (fd, start, nbytes):
             self._fallocate(name, fd, start, nbytes)
 
     @contextlib.contextmanager
     def lease(self, name: str) -> Iterator[None]:
-        """Hold the only lease of this name; the kernel frees it when its holder dies."""
+        """Hold the exclusive lease of this name; the kernel frees it if the holder dies."""
         fd = os.open(self._path(name, ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
         try:
             fcntl.flock(fd, fcntl.LOCK_EX)
@@ -131,7 +131,7 @@ class Arena:
 
     @contextlib.contextmanager
     def _row(self, name: str, row: int) -> Iterator[tuple[int, int, int]]:
-        """The open file of an array, where `array[row]` begins in it, and how many bytes it has."""
+        """The open file of an array, and the first byte and the byte count of `array[row]` in it."""
         dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape[1:]) * dtype.itemsize
         fd = os.open(self._path(name, ".bin"), os.O_RDWR)

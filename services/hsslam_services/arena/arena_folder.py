@@ -1,4 +1,4 @@
-"""The folder in /dev/shm of a run's shared arrays: made, owned, found dead, removed (no torch)."""
+"""The arena folder of a run in /dev/shm: its creation, ownership and removal (no torch)."""
 
 import contextlib
 import fcntl
@@ -17,19 +17,19 @@ SHM_ROOT = Path("/dev/shm")
 _PREFIX = "hsslam-"
 _OWNER = "owner.json"
 _OWNER_LOCK = "owner.lock"
-_POSE_COUNT = "pose_header.bin"  # begins with it
+_POSE_COUNT = "pose_header.bin"  # its first 8 bytes
 
 
 class ArenaFolder:
-    """A run's folder, owned by this process until `remove` or death; the lock tells others which.
+    """A run's arena folder. A file lock marks it as owned by this process until `remove` or its death.
 
     Raises:
-        UserError: the folder cannot be made.
+        UserError: the folder cannot be created.
     """
 
     def __init__(self, run_id: str, run_dir: Path, root: Path = SHM_ROOT) -> None:
         self.path = root / f"{_PREFIX}{run_id}"
-        unlocked = root / f".{self.path.name}"  # no other process looks there
+        unlocked = root / f".{self.path.name}"  # other processes do not look for this name
         try:
             unlocked.mkdir(mode=0o700)
             self._lock = os.open(unlocked / _OWNER_LOCK, os.O_RDWR | os.O_CREAT, 0o600)
@@ -42,26 +42,26 @@ class ArenaFolder:
             raise UserError(f"{self.path}: {error.strerror}: expected room for the arena") from None
 
     def remove(self) -> None:
-        """Unlink everything; processes that still map an array keep their memory until they end."""
+        """Remove the folder; the memory of an array is free when the last process unmaps it."""
         remove_arena(self.path)
         self.let_go()
 
     def let_go(self) -> None:
-        """Own the folder no more, and leave it as it is."""
+        """Give up ownership and keep the folder."""
         with contextlib.suppress(OSError):
             os.close(self._lock)
 
 
 def disk_folder(run_dir: Path, arena_dir: Path) -> Path:
-    """Where arrays of an arena that nothing writes any more lie on the disk, until the arena is removed.
+    """The folder on disk for finished arrays of an arena; `remove_arena` removes it.
 
-    The arena of an earlier run in the folder may be kept, so each has a folder of its own.
+    Each arena has its own: a kept arena of an earlier run may share the run folder.
     """
     return run_dir / ".arena" / arena_dir.name
 
 
 def remove_arena(path: Path) -> None:
-    """Remove an arena folder, and those of its arrays that lie on the disk; errors are ignored."""
+    """Remove an arena folder and its arrays on disk; ignores errors."""
     with contextlib.suppress(OSError):
         on_disk = disk_folder(run_dir_of(path), path)
         for link in path.glob("*.bin"):
@@ -73,7 +73,7 @@ def remove_arena(path: Path) -> None:
 
 
 def remove_arrays(path: Path, is_kept: Callable[[str], bool]) -> None:
-    """Unlink the arrays of an arena folder but those whose name is kept; no process may use them."""
+    """Unlink the arrays of an arena folder whose name `is_kept` rejects; no process may use them."""
     for data in sorted(path.glob("*.bin")):
         if not is_kept(data.stem):
             data.with_suffix(".json").unlink(missing_ok=True)
@@ -81,12 +81,12 @@ def remove_arrays(path: Path, is_kept: Callable[[str], bool]) -> None:
 
 
 def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
-    """Remove the folders whose owner no longer lives, and that hold no pose; returns the others.
+    """Remove the folders of dead owners that hold no pose; returns those that hold poses.
 
-    A folder that is marked as unsaved is neither removed nor returned: the user rescues it.
+    Ignores folders that are marked as unsaved: the user rescues them.
     """
     left = []
-    for path in _own(root):
+    for path in _of_this_user(root):
         with contextlib.suppress(OSError), try_own(path) as is_dead:
             if not is_dead or is_marked(path):
                 continue
@@ -100,7 +100,7 @@ def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
 def live_arenas(root: Path = SHM_ROOT) -> list[Path]:
     """The folders whose owner lives."""
     live = []
-    for path in _own(root):
+    for path in _of_this_user(root):
         with contextlib.suppress(OSError), try_own(path) as is_dead:
             if not is_dead and not is_marked(path):
                 live.append(path)
@@ -108,9 +108,9 @@ def live_arenas(root: Path = SHM_ROOT) -> list[Path]:
 
 
 def kept_arenas(root: Path = SHM_ROOT) -> list[Path]:
-    """The folders without an owner that are marked as unsaved, and that this user may rescue."""
+    """The folders of dead owners that are marked as unsaved; this user may rescue them."""
     kept = []
-    for path in _own(root):
+    for path in _of_this_user(root):
         with contextlib.suppress(OSError), try_own(path) as is_dead:
             if is_dead and is_marked(path):
                 kept.append(path)
@@ -118,15 +118,15 @@ def kept_arenas(root: Path = SHM_ROOT) -> list[Path]:
 
 
 def foreign_arenas(root: Path = SHM_ROOT) -> list[Path]:
-    """Entries with the name of an arena that are no folder of this user; the service leaves them alone."""
-    return sorted(set(root.glob(f"{_PREFIX}*")) - set(_own(root)))
+    """Entries named like an arena that are not folders of this user; the service ignores them."""
+    return sorted(set(root.glob(f"{_PREFIX}*")) - set(_of_this_user(root)))
 
 
 @contextlib.contextmanager
 def owned_after_death(path: Path) -> Iterator[bool]:
-    """Wait until the owner of the arena folder is dead, and own the folder in the block.
+    """Wait until the owner of the arena folder is dead, then own the folder in the block.
 
-    False if the folder is gone.
+    Yields False if the folder is gone.
     """
     try:
         fd = os.open(path / _OWNER_LOCK, os.O_RDWR | os.O_NOFOLLOW)
@@ -141,7 +141,7 @@ def owned_after_death(path: Path) -> Iterator[bool]:
 
 
 def owner_lives(path: Path) -> bool:
-    """Whether the supervisor that made the arena folder lives; a process id alone may be reused."""
+    """Whether the supervisor that created the arena folder lives; compares process id and start time."""
     try:
         owner = json.loads((path / _OWNER).read_text())
         return start_ticks(owner["pid"]) == owner["start_ticks"]
@@ -162,35 +162,35 @@ def run_dir_of(path: Path) -> Path:
 
 
 def pose_count(path: Path) -> int:
-    """How many poses the tracker has left in the arena folder."""
+    """The number of poses that the tracker wrote to the arena folder."""
     with contextlib.suppress(OSError), (path / _POSE_COUNT).open("rb") as file:
         return int.from_bytes(file.read(8), sys.byteorder)
     return 0
 
 
 def start_ticks(pid: int | None = None) -> int:
-    """When a process started, in clock ticks since boot (a pid alone may be reused)."""
+    """Start time of a process, in clock ticks since boot; tells reused process ids apart."""
     stat = Path(f"/proc/{pid or os.getpid()}/stat").read_text()
     return int(stat.rpartition(")")[2].split()[19])
 
 
-def _own(root: Path) -> list[Path]:
-    """Arena folders that this user has made; links are not followed."""
+def _of_this_user(root: Path) -> list[Path]:
+    """Arena folders that belong to this user; symbolic links are left out."""
     own = []
     for path in sorted(root.glob(f"{_PREFIX}*")):
-        with contextlib.suppress(OSError):  # gone meanwhile
-            of = path.lstat()
-            if stat.S_ISDIR(of.st_mode) and of.st_uid == os.geteuid():
+        with contextlib.suppress(OSError):  # removed meanwhile
+            found = path.lstat()
+            if stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid():
                 own.append(path)
     return own
 
 
 @contextlib.contextmanager
 def try_own(path: Path) -> Iterator[bool]:
-    """Own the arena folder in the block, if its owner is dead; whether this worked.
+    """Own the arena folder in the block if its owner is dead; yields whether it is.
 
     Raises:
-        OSError: the folder is gone, or another user's.
+        OSError: the folder is gone, or belongs to another user.
     """
     fd = os.open(path / _OWNER_LOCK, os.O_RDWR | os.O_NOFOLLOW)
     try:

@@ -1,6 +1,6 @@
-"""The arena for a process that only reads it: array headers `<name>.json`, read-only views, no torch.
+"""Read-only access to an arena without torch: array headers `<name>.json` and views.
 
-Apart from `arena.py` so that the supervisor does not import torch.
+Separate from `arena.py` so that the supervisor does not import torch.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ class ArrayHeader(NamedTuple):
     shape: tuple[int, ...]
 
     def write(self, path: Path) -> None:
-        """Write it in one step."""
+        """Write the header atomically."""
         descr = np.lib.format.dtype_to_descr(self.dtype)
         partial = path.with_suffix(".tmp")
         partial.write_text(json.dumps({"dtype": descr, "shape": list(self.shape)}))
@@ -27,7 +27,7 @@ class ArrayHeader(NamedTuple):
 
     @staticmethod
     def read(path: Path) -> "ArrayHeader":
-        """The header in a file; KeyError with the array's name if there is none yet."""
+        """Read the header from a file; raises KeyError with the array's name if there is no file."""
         try:
             header = json.loads(path.read_text())
         except FileNotFoundError:
@@ -37,7 +37,7 @@ class ArrayHeader(NamedTuple):
 
 @contextlib.contextmanager
 def removed_is_absent(header: Path) -> Iterator[None]:
-    """KeyError, as before an array was made, if it is removed while it is opened; `header`: its file."""
+    """Raise KeyError instead of FileNotFoundError if the array with this header file was removed."""
     try:
         yield
     except FileNotFoundError:
@@ -47,7 +47,7 @@ def removed_is_absent(header: Path) -> Iterator[None]:
 
 
 def _dtype(descr: Any) -> np.dtype:
-    """The dtype of a descriptor that JSON has turned from tuples into lists."""
+    """The dtype of a descriptor in JSON, which has lists in place of tuples."""
     if isinstance(descr, str):
         return np.dtype(descr)
     fields: Any = [
@@ -59,17 +59,17 @@ def _dtype(descr: Any) -> np.dtype:
 
 
 class ArenaView:
-    """Read-only arrays of an arena folder; an `ArrayAllocator` that makes and removes nothing."""
+    """Read-only arrays of an arena folder; an `ArrayAllocator` that can only open arrays."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def create(self, name: str, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> np.ndarray:
-        """The array, where its maker has made it with this shape and type.
+        """Open the existing array of this shape and dtype.
 
         Raises:
-            KeyError: it is not made yet.
-            ValueError: it is another one.
+            KeyError: the array does not exist yet.
+            ValueError: the array has another shape or dtype.
         """
         array = self.open(name)
         if array.shape != tuple(shape) or array.dtype != np.dtype(dtype):
@@ -77,7 +77,7 @@ class ArenaView:
         return array
 
     def open(self, name: str) -> np.ndarray:
-        """The array as a read-only view of the shared memory; KeyError if there is none yet."""
+        """The array as a read-only view of the shared memory; raises KeyError if it does not exist yet."""
         path = self._folder / f"{name}.json"
         header = ArrayHeader.read(path)
         with removed_is_absent(path):
@@ -88,13 +88,13 @@ class ArenaView:
         return (self._folder / f"{name}.json").exists()
 
     def remove(self, name: str) -> None:
-        """A view removes nothing."""
+        """Not allowed: raises ValueError."""
         raise ValueError(f"array {name}: read-only")
 
     def drop_row(self, name: str, row: int) -> None:
-        """A view drops nothing."""
+        """Not allowed: raises ValueError."""
         raise ValueError(f"array {name}: read-only")
 
     def reserve_row(self, name: str, row: int) -> None:
-        """A view reserves nothing."""
+        """Not allowed: raises ValueError."""
         raise ValueError(f"array {name}: read-only")

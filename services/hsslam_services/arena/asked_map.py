@@ -1,4 +1,4 @@
-"""The map of the run as clients ask it: their questions of places, answered from the newest version."""
+"""Answers clients' queries of points from the newest map."""
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 
-_WITHIN_S = 8.0  # of the 15 s that a question may take
+_WITHIN_S = 8.0  # of the 15 s that a query may take
 
 
 class AskedMap:
-    """Answers questions of places. The first one begins to mark what keyframes saw; if that takes longer than
-    a question may, the next one goes on with it.
+    """Answers queries of points; not thread-safe.
 
-    One thread at a time asks.
+    The first query starts to mark the space that the keyframes saw. If this takes longer than a query
+    may, the next query goes on with it.
     """
 
     def __init__(self, arrays: ArrayAllocator, config: SlamConfig, mode: MapState) -> None:
@@ -32,16 +32,14 @@ class AskedMap:
         self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
 
     def answer(self, question: QueryMap) -> PointAnswers | Refusal:
-        """What the newest map says of the points; refused before there is one, or while keyframes wait."""
+        """Query the newest map; a `Refusal` before there is a map, or while keyframes are unprocessed."""
         published = self._link.published()
         if published is None:
             return Refusal(reason="not_now", text="query: there is no map yet: expected keyframes")
         points, keyframes = question_points(question), keyframes_of_store(published[0])
         seen = self._seen.follow_for(keyframes, _WITHIN_S)
         if isinstance(seen, int):
-            text = (
-                f"query: {seen} of {len(keyframes)} keyframes are not looked through yet: ask again"
-            )
+            text = f"query: {seen} of {len(keyframes)} keyframes are not processed yet: ask again"
             return Refusal(reason="unfinished", text=text)
         version, found = self._ask(keyframes, seen, published[1], points)
         return answers_message(found, version, self._mode.map_epoch)
@@ -53,12 +51,10 @@ class AskedMap:
         parameters: FieldParameters,
         points: np.ndarray,
     ) -> tuple[int, MapAnswers]:
-        """In place; if the map is overwritten meanwhile, as with many points, again in a copy."""
+        """Query the shared parameters; if the mapper overwrites them meanwhile, query a copy."""
 
         def ask(params: np.ndarray) -> MapAnswers:
-            layout = (
-                parameters.layout
-            )  # of these parameters: reading them may have followed a growth
+            layout = parameters.layout  # `published()` may have changed it
             asked = DenseMap(layout, params, keyframes, self._config.sampling, seen=lambda: seen)
             return asked.query(points)
 

@@ -1,4 +1,4 @@
-"""The place of the camera as clients name it: the tracker looks for the camera there, and answers."""
+"""Answers the request `locate`: the tracker looks for the camera near the pose that a client names."""
 
 import threading
 from collections.abc import Sequence
@@ -18,20 +18,20 @@ from hsslam_proto.request_messages import Locate, Located, Refusal
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 
-_MOST_FRAMES = 10  # in which the camera is looked for
+_MOST_FRAMES = 10  # in which the tracker looks for the camera
 _LONGEST_S = 10.0
 
 
 class AskedPlace:
-    """A thread of the bus waits in `answer`; the loop of the tracker takes `near` to the next frame, and
-    gives the result to `take`.
+    """A thread of the bus waits in `answer`. The tracker's loop tracks the next frame with `near`, and
+    hands the result to `take`.
     """
 
     def __init__(
         self, arrays: ArrayAllocator, config: SlamConfig, mode: MapState,
         base_T_camera: Sequence[float],
     ) -> None:  # fmt: skip
-        """`base_T_camera`: as of `RobotFrames.mounted`."""
+        """`base_T_camera`: as for `RobotFrames.mounted`."""
         self._link = SharedMap(arrays, config)
         self._mode = mode
         self._knows_places = config.tracker.method != "rendering"
@@ -39,17 +39,17 @@ class AskedPlace:
         self._asking = threading.Lock()  # one client at a time
         self._changed = threading.Condition()
         self._near: Whereabouts | None = None
-        self._result: TrackResult | None = None  # of the newest frame in which it was looked for
+        self._result: TrackResult | None = None  # of the newest frame since the question
         self._frames = 0
         self._is_closed = False
 
     @property
     def near(self) -> Whereabouts | None:
-        """Where to look for the camera in the next frame; None: nothing is asked."""
+        """Where to look for the camera in the next frame; None: no client asks."""
         return self._near
 
     def take(self, result: TrackResult) -> None:
-        """The result of a frame, with or without a look there."""
+        """Take in the result of a frame; ignored if no client asks."""
         near = self._near
         if near is None:
             return
@@ -62,9 +62,9 @@ class AskedPlace:
                 self._changed.notify_all()
 
     def answer(self, question: Locate) -> Located | Refusal:
-        """Where the camera was found, or why it was not; waits for frames."""
+        """The pose of the camera, or why it was not found; waits for frames."""
         if not self._knows_places:
-            text = "locate: tracking by rendering knows no places: expected another preset"
+            text = "locate: --slam.tracker.method rendering cannot relocalise: expected alignment"
             return Refusal(reason="failed", text=text)
         store = self._link.store()
         if store is None or store.count == 0:
@@ -79,13 +79,13 @@ class AskedPlace:
             return self._looked_for(near, at, frames, up_by)
 
     def close(self) -> None:
-        """No frame comes any more: nothing waits for one."""
+        """No more frames come; a waiting `answer` returns."""
         with self._changed:
             self._is_closed, self._near = True, None
             self._changed.notify_all()
 
     def _floor(self, store: KeyframeStore) -> tuple[FloorFrames, UpSource]:
-        """The frame of the floor as `hsslam-map grid` and `--grid` have it, and what up is by."""
+        """The floor frame, as for `hsslam-map grid` and `--grid`, and the source of the up direction."""
         if (level := store.world_frame.T_level_world) is not None:
             return FloorFrames(level, self._T_base_cam), "--base-T-camera"
         keyframes = keyframes_of_store(store)
@@ -102,7 +102,7 @@ class AskedPlace:
         if result is None and self._is_closed:
             return Refusal(reason="not_now", text="locate: the run ends: expected one that goes on")
         if result is None:
-            text = f"locate: no frame within {_LONGEST_S:g} s: expected a camera that sends frames"
+            text = f"locate: no frame for {_LONGEST_S:g} s: expected a camera that sends frames"
             return Refusal(reason="not_now", text=text)
         if not _is_there(result, near):
             return Refusal(reason="failed", text=_not_there(at, result, frames))

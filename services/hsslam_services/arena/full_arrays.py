@@ -1,4 +1,4 @@
-"""Arrays that are full move to the disk, in a thread; apart from the arena, as only the tracker does it."""
+"""Moves full arrays to disk, in a thread; apart from the arena, as only the tracker does it."""
 
 import threading
 from collections.abc import Callable
@@ -16,19 +16,19 @@ Report = Callable[[Literal["info", "warning", "error"], str], None]
 class FullArrays:
     """Moves arrays of an arena into the run folder, in a thread: a slow disk delays no pose.
 
-    An array for which the disk has no room stays in memory; this is reported once.
+    If the disk is full, the array stays in shared memory, and one warning is sent.
     """
 
     def __init__(self, arena: Arena, run_dir: Path, report: Report) -> None:
         self._arena = arena
         self._folder = disk_folder(run_dir, arena.folder)
         self._report = report
-        self._was_told = False
+        self._is_reported = False
         self._names: SimpleQueue[str] = SimpleQueue()
         threading.Thread(target=self._move_all, name="full arrays", daemon=True).start()
 
     def add(self, name: str) -> None:
-        """Nothing writes this array any more."""
+        """Move this array, which no process writes any more."""
         self._names.put(name)
 
     def _move_all(self) -> None:
@@ -37,7 +37,7 @@ class FullArrays:
             try:
                 self._arena.move_to_disk(name, self._folder)
             except OSError as error:
-                if not self._was_told:
-                    self._was_told = True
+                if not self._is_reported:
+                    self._is_reported = True
                     text = f"{self._folder}: {error.strerror}: {name} stays in shared memory"
                     self._report("warning", text)

@@ -1,4 +1,4 @@
-"""Whether the run may change its map, and which it is; every process can look it up (no torch)."""
+"""The map epoch of the run, and whether the map may change; each process can read it (no torch)."""
 
 from pathlib import Path
 
@@ -11,14 +11,14 @@ _LOCALISE_ONLY, _MAP_EPOCH, _IS_GIVEN_UP, _STOPPED_NS, _SAVED_IN_NS = range(5)  
 
 
 class MapState:
-    """One row of numbers in the arena folder; the supervisor writes, the others look."""
+    """One row of numbers in the arena folder; the supervisor writes it, the other processes read it."""
 
     def __init__(self, arena_dir: Path | str) -> None:
         self._row = np.memmap(Path(arena_dir) / _FILE, np.int64, "r+", shape=(8,))
 
     @classmethod
     def create(cls, arena_dir: Path | str, *, localise_only: bool) -> "MapState":
-        """Before any other process starts."""
+        """Create the row; call it before any other process starts."""
         np.memmap(Path(arena_dir) / _FILE, np.int64, "w+", shape=(8,)).flush()
         mode = cls(arena_dir)
         mode.localise_only = localise_only
@@ -26,7 +26,7 @@ class MapState:
 
     @property
     def localise_only(self) -> bool:
-        """Keyframes, their poses and the parameters stay as they are."""
+        """Whether keyframes, their poses and the parameters are frozen."""
         return bool(load_ordered(self._row, _LOCALISE_ONLY))
 
     @localise_only.setter
@@ -35,7 +35,7 @@ class MapState:
 
     @property
     def map_epoch(self) -> int:
-        """Number of the map: how often one was thrown away."""
+        """Number of resets of the map so far."""
         return load_ordered(self._row, _MAP_EPOCH)
 
     @map_epoch.setter
@@ -44,7 +44,7 @@ class MapState:
 
     @property
     def is_given_up(self) -> bool:
-        """The map is about to be thrown away: no more work for it."""
+        """Whether a reset of the map is about to come; processes do no more work for it."""
         return bool(load_ordered(self._row, _IS_GIVEN_UP))
 
     @is_given_up.setter
@@ -62,7 +62,7 @@ class MapState:
 
     @property
     def saved_in_ns(self) -> int:
-        """How long it took to save the map a first time after the run had stopped; 0: not saved yet."""
+        """Time from the stop to the first saved map; 0: not saved yet."""
         return int(self._row[_SAVED_IN_NS])
 
     @saved_in_ns.setter
@@ -71,5 +71,5 @@ class MapState:
 
     @property
     def may_change(self) -> bool:
-        """Whether keyframe poses and parameters may be stepped now."""
+        """Whether keyframe poses and parameters may change now."""
         return not (self.localise_only or self.is_given_up)

@@ -1,4 +1,4 @@
-"""How many keyframes the run may keep: by the budget for shared memory, and by what there is of it."""
+"""The number of keyframes that the run may keep, from its memory budget and the free shared memory."""
 
 import contextlib
 import os
@@ -8,19 +8,19 @@ from pathlib import Path
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.shared_pages import held_bytes
 
-_FULL = 0.95  # of the budget; the rest is for what grows slowly, such as poses
-_LEFT_FREE = 0.1  # of the shared memory of the system, for zenoh and for poses
-_FEWEST = 12  # keyframes, however small the budget
-_PRESSED = 0.7  # of what may be kept; told once
-_LOOK_EVERY = 8  # calls between looks at the arena
-_PIXELS = ("keyframe_color.", "keyframe_depth.")  # names of arrays
+_FULL = 0.95  # share of the budget in use; the rest is for arrays that grow slowly, such as poses
+_LEFT_FREE = 0.1  # share of the system's shared memory to leave free for zenoh and poses
+_FEWEST = 12  # keyframes, even if the budget is smaller
+_SCARCE = 0.7  # share of the limit at which the notice is sent
+_LOOK_EVERY = 8  # calls between measurements of the arena
+_PIXELS = ("keyframe_color.", "keyframe_depth.")  # prefixes of arrays
 
 
 class MemoryBudget:
-    """Says how many keyframes may be kept, and once that they get scarce.
+    """Limits the number of keyframes; sends one notice when the run comes near the limit.
 
-    The budget is for the memory of all files of the arena, and for `bytes_beside`, which others than the
-    arena take for the run. What it leaves is for the pixels of keyframes.
+    The budget covers all files of the arena and `bytes_beside`, the run's memory outside the arena. The
+    rest of it is for the pixels of keyframes.
     """
 
     def __init__(
@@ -30,26 +30,26 @@ class MemoryBudget:
         self._memory_gb = memory_gb
         self._bytes_beside = bytes_beside
         self._calls = 0
-        self._is_told = False
-        self._limit = ""  # what sets it
+        self._is_reported = False
+        self._limit = ""  # name of the tightest limit
 
     def apply(self, store: KeyframeStore) -> str | None:
-        """Allow the store as many keyframes as there is memory for; returns what is to be told, if any."""
+        """Set the store's limit by the memory; returns a notice for the user, or None."""
         if self._calls % _LOOK_EVERY == 0:
             store.allow(self._most(store))
         self._calls += 1
         kept, most = len(store.kept()), store.most_kept
-        if self._is_told or kept < _PRESSED * most:
+        if self._is_reported or kept < _SCARCE * most:
             return None
-        self._is_told = True
+        self._is_reported = True
         return (
             f"the run keeps {kept} keyframes; there is room for {most} ({self._limit}): from now on the "
-            "mapper removes keyframes that show little that others do not"
+            "mapper removes redundant keyframes"
         )
 
     def _most(self, store: KeyframeStore) -> int:
         files = _files(self._folder)
-        pixels = held_bytes(of for name, of in files.items() if name.startswith(_PIXELS))
+        pixels = held_bytes(file for name, file in files.items() if name.startswith(_PIXELS))
         others = held_bytes(files.values()) - pixels + self._bytes_beside()
         system = os.statvfs(self._folder)
         total, free = (n * system.f_frsize for n in (system.f_blocks, system.f_bavail))
@@ -63,10 +63,10 @@ class MemoryBudget:
 
 
 def _files(folder: Path) -> dict[str, os.stat_result]:
-    """By name."""
+    """Files of a folder by name; links are not followed to the disk."""
     files = {}
     with os.scandir(folder) as entries:
         for entry in entries:
-            with contextlib.suppress(FileNotFoundError):  # a header that has just got its name
-                files[entry.name] = entry.stat(follow_symlinks=False)  # not of what is on the disk
+            with contextlib.suppress(FileNotFoundError):  # renamed or removed meanwhile
+                files[entry.name] = entry.stat(follow_symlinks=False)
     return files

@@ -1,4 +1,4 @@
-"""Writes corrected poses to the keyframes and tells the other processes of them."""
+"""Writes corrected poses to the keyframes and publishes them."""
 
 from typing import Protocol
 
@@ -13,13 +13,13 @@ _MOST_A_MESSAGE = 8192  # keyframes: 0.6 MB
 
 
 class Publisher(Protocol):
-    """Of the topic `out/correction`."""
+    """Publisher of the topic `out/correction`."""
 
     def put(self, message: Correction, /) -> object: ...
 
 
 class PoseCorrector:
-    """One a process. Where two processes correct poses, each holds the map's lease meanwhile."""
+    """Corrects keyframe poses. If two processes do so, each holds the map's lease in `correct`."""
 
     def __init__(self, publisher: Publisher, mode: MapState) -> None:
         self._publisher = publisher
@@ -35,7 +35,7 @@ class PoseCorrector:
         loops: list[tuple[int, int]] | None = None,
         T_then: np.ndarray | None = None,
     ) -> None:
-        """As `KeyframeStore.correct_poses`; `losses`: before and after, `loops`: closed, for the message."""
+        """Call `KeyframeStore.correct_poses`, publish; `losses`: before and after, `loops`: closed pairs."""
         base = store.pose_version
         moved = store.correct_poses(keyframes, T_world_cam, known, T_then)
         t = moved.T_world_cam[:, :3, 3]

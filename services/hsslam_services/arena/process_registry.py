@@ -1,4 +1,4 @@
-"""Which processes belong to an arena; apart from the folder, as each process enters itself (no torch)."""
+"""The processes of an arena; apart from the folder, as each process enters itself (no torch)."""
 
 import contextlib
 import os
@@ -10,18 +10,18 @@ _FOLDER = "processes"
 
 
 def enter_process(arena_dir: Path, name: str) -> None:
-    """Enter this process by its name, so that the watchdog of this run, and of no other, finds it.
+    """Enter this process and its name, so that the watchdog of this run finds it.
 
     Raises:
         OSError: there is no room for the entry.
     """
-    with contextlib.suppress(FileNotFoundError):  # the arena is gone: so is the supervisor
+    with contextlib.suppress(FileNotFoundError):  # the supervisor has removed the arena
         (arena_dir / _FOLDER).mkdir(exist_ok=True)
         (arena_dir / _FOLDER / str(os.getpid())).write_text(f"{start_ticks()} {name}")
 
 
 def living_processes(arena_dir: Path) -> dict[int, str]:
-    """Names of the processes of the arena that live, by id; one that reuses an id started at another time."""
+    """Names of the living processes of the arena, by process id."""
     found = {}
     for entry in (arena_dir / _FOLDER).glob("[0-9]*"):
         with contextlib.suppress(OSError, ValueError, IndexError):

@@ -1,23 +1,23 @@
-"""The marker of an arena that holds what is not on disk: what is missing, and whose it is (no torch)."""
+"""The marker of an arena whose results are not all on disk: which are missing, of which run (no torch)."""
 
 import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-ARENA_ARTEFACTS = ("trajectories", "map", "mesh")  # what an arena holds, in the order of saving
+ARENA_ARTEFACTS = ("trajectories", "map", "mesh")  # in the order of saving
 _FILE = "unsaved.json"
 
 
 class Unsaved(NamedTuple):
-    """What is missing in the run folder."""
+    """The artefacts that are missing in a run folder."""
 
     run_dir: Path
     artefacts: tuple[str, ...]
 
 
 def mark_unsaved(arena_dir: Path, run_dir: Path, artefacts: Iterable[str]) -> None:
-    """Keep this arena: nothing but a rescue removes it.
+    """Mark this arena as unsaved: only `hsslam-serve rescue` removes it.
 
     Raises:
         OSError: the arena is gone, or its memory is full.
@@ -28,12 +28,12 @@ def mark_unsaved(arena_dir: Path, run_dir: Path, artefacts: Iterable[str]) -> No
 
 
 def is_marked(arena_dir: Path) -> bool:
-    """Whether the arena is kept."""
+    """Whether the arena is marked as unsaved."""
     return (arena_dir / _FILE).exists()
 
 
 def read_unsaved(arena_dir: Path) -> Unsaved | None:
-    """What is missing; None if the arena is not kept."""
+    """The missing artefacts; None if the arena is not marked as unsaved."""
     try:
         found = json.loads((arena_dir / _FILE).read_text())
         return Unsaved(Path(found["run_dir"]), tuple(found["artefacts"]))

@@ -75,9 +75,7 @@ def test_a_question_that_takes_too_long_is_gone_on_with(mode, monkeypatch):
     for left in range(count - 1, 0, -1):
         told = asked.answer(question_message(POINTS))
         assert isinstance(told, Refusal) and told.reason == "unfinished"
-        assert told.text.startswith(
-            f"query: {left} of {count} keyframes are not looked through yet"
-        )
+        assert told.text.startswith(f"query: {left} of {count} keyframes are not processed yet")
     assert isinstance(asked.answer(question_message(POINTS)), PointAnswers)
 
 
