@@ -1,1 +1,1 @@
-"""What a run leaves, written from its arena: one module for each artefact."""
+"""The results of a run, written from its arena: one module for each artefact."""

@@ -1,4 +1,4 @@
-"""The map of a run at its end, map.safetensors; apart as final map saver and rescue share it."""
+"""Writes the final map, map.safetensors; apart as final map saver and rescue share it."""
 
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,7 @@ from hsslam_services.run.options import ServeOptions
 def save_map(
     run_dir: Path, store: KeyframeStore, parameters: FieldParameters, options: ServeOptions
 ) -> dict[str, Any]:
-    """Write the newest published map; not if it is still the one that was loaded.
-
-    Returns its section of the summary.
+    """Write the newest published map, unless it is still the loaded map; returns its section of the summary.
 
     Raises:
         UserError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""The coloured mesh of a run at its end, mesh.ply, extracted from the map in the arena."""
+"""The final coloured mesh, mesh.ply, extracted from the map in the arena."""
 
 import time
 from collections.abc import Callable
@@ -23,7 +23,7 @@ _TELL_EVERY_S = 5.0
 
 
 class MeshProgress:
-    """Reports how many of the keyframes the extraction has seen, every few seconds; it sees each twice."""
+    """Reports the progress of the extraction, in percent, every 5 s; it reads each keyframe twice."""
 
     def __init__(self, keyframes: int, report: Callable[[str], None]) -> None:
         self._expected = 2 * keyframes
@@ -32,7 +32,7 @@ class MeshProgress:
         self._due_s = time.monotonic() + _TELL_EVERY_S
 
     def saw_keyframe(self) -> None:
-        """Count one look at a keyframe."""
+        """Count one read of a keyframe."""
         self._seen += 1
         if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + _TELL_EVERY_S
@@ -55,9 +55,9 @@ def mesh_of_arena(
         progress.saw_keyframe()
         return keyframes.depth_m(k)
 
-    told = replace(keyframes, depth_m=depth_m)
-    far_m = slam.mapper.max_depth_m
-    dense_map = DenseMap(parameters.layout, params, told, slam.sampling, device, max_depth_m=far_m)
+    counted = replace(keyframes, depth_m=depth_m)
+    layout, far_m = parameters.layout, slam.mapper.max_depth_m
+    dense_map = DenseMap(layout, params, counted, slam.sampling, device, max_depth_m=far_m)
     return dense_map.mesh(slam.mesher.final_voxel_m)
 
 
@@ -72,9 +72,9 @@ def save_mesh(run_dir: Path, mesh: trimesh.Trimesh) -> None:
         with durable_file(path) as partial:
             mesh.export(partial)
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}: expected to write the file there") from None
+        raise UserError(f"{path}: {error.strerror}: expected a writable file") from None
 
 
 def mesh_section(mesh: trimesh.Trimesh) -> dict[str, Any]:
-    """Its section of the summary."""
+    """The section of the summary for a mesh."""
     return {"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}}

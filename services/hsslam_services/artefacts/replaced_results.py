@@ -1,4 +1,4 @@
-"""The results of the run before in a folder: kept until the run that takes their place has poses."""
+"""The results of the previous run in a folder: kept until the new run has poses."""
 
 import contextlib
 import shutil
@@ -20,15 +20,15 @@ _FILES = (
     "config.toml",
 )
 _LOGS = "logs"
-_PARTIAL = ".*.partial*"  # files that were being written
+_PARTIAL = ".*.partial*"  # incomplete files
 _FOLDER = ".replaced"
 
 
 class ReplacedResults:
-    """What a run folder held; in `.replaced` from `set_aside` until one of the other methods.
+    """The previous results of a run folder; `.replaced` holds them from `set_aside` to another method.
 
-    Only files of a run are moved or removed. Every method but `set_aside` does nothing if nothing is
-    set aside. All raise OSError if the folder does not allow it.
+    Moves and removes only files of a run. Every method but `set_aside` does nothing if nothing is set
+    aside. All raise OSError if the folder is not writable.
     """
 
     def __init__(self, run_dir: Path) -> None:
@@ -41,7 +41,7 @@ class ReplacedResults:
         return self._aside.is_dir()
 
     def set_aside(self) -> None:
-        """Move the results of the run before out of the way."""
+        """Move the results of the previous run to `.replaced`."""
         for path in self._run_dir.glob(_PARTIAL):
             path.unlink()
         if _has(self._run_dir, _FILES):
@@ -49,7 +49,7 @@ class ReplacedResults:
             _move(self._run_dir, self._aside)
 
     def give_back(self) -> None:
-        """Put them back in the place of what the new run has written: it was refused."""
+        """Remove the files of the new run, which was refused, and put the previous results back."""
         if not self.exists:
             return
         for path in [p for pattern in (*_FILES, _PARTIAL) for p in self._run_dir.glob(pattern)]:
@@ -59,13 +59,13 @@ class ReplacedResults:
         self._aside.rmdir()
 
     def keep(self) -> str:
-        """Keep them beside those of the new run: the name of their folder, "" if there are none."""
+        """Keep the previous results in a subfolder; returns its name, "" if there are none."""
         if not _has(self._aside, _WORTH_KEEPING):
             self.remove()
             return ""
         arena_dir: Path | None = None
         name = "earlier"
-        with contextlib.suppress(UserError):  # of another version
+        with contextlib.suppress(UserError):  # run.json of another version
             run = RunInfo.read(self._aside)
             name, arena_dir = f"earlier-{run.run_id}", Path(run.arena_dir)
         kept = self._run_dir / name
@@ -77,12 +77,12 @@ class ReplacedResults:
         return name
 
     def remove(self) -> None:
-        """Remove them: the new run has poses."""
+        """Remove the previous results: the new run has poses."""
         if self.exists:
             shutil.rmtree(self._aside, ignore_errors=True)
 
     def recover(self) -> None:
-        """After a run that was killed: put them back, or keep them if it left results of its own."""
+        """After a killed run: keep the previous results beside its own, or put them back if it has none."""
         if _has(self._run_dir, _WORTH_KEEPING):
             self.keep()
         else:
@@ -96,5 +96,5 @@ def _has(folder: Path, patterns: tuple[str, ...]) -> bool:
 def _move(source: Path, target: Path) -> None:
     for path in [path for pattern in _FILES for path in source.glob(pattern)]:
         path.rename(target / path.name)
-    with contextlib.suppress(OSError):  # there are none
+    with contextlib.suppress(OSError):  # no log files
         (source / _LOGS).rename(target / _LOGS)

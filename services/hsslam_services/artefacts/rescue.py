@@ -1,4 +1,4 @@
-"""Saves what an arena still holds when its run cannot: each artefact in a process of its own, no bus."""
+"""Saves the results in the arena of a dead run: each artefact in a process of its own, without a bus."""
 
 import contextlib
 import os
@@ -30,19 +30,19 @@ from hsslam_services.run.process_result import (
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
 
-_LONGEST_S = 3600.0  # for one artefact: the mesh of a large map
+_LONGEST_S = 3600.0  # limit for one artefact, such as the mesh of a large map
 _POLL_S = 0.02
 Report = Callable[[str], None]
 
 
 def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
-    """Save what is missing in the run folder; returns a line for each artefact that is still missing.
+    """Save the artefacts that are missing in the run folder; returns an error for each that failed.
 
-    The arena is marked all the while, so that whoever ends this process loses nothing. No other
+    The arena stays marked as unsaved meanwhile, so that nothing is lost if this process dies. No other
     process of the run may live.
 
     Raises:
-        UserError: the arena has no run.json, or the run folder cannot be written.
+        UserError: the arena has no run.json, or the run folder is not writable.
     """
     run = RunInfo.read(arena_dir)
     unsaved = read_unsaved(arena_dir)
@@ -53,7 +53,7 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
         run_dir.mkdir(parents=True, exist_ok=True)
         if run_dir == run.path:
             run.restore()
-        with contextlib.suppress(OSError):  # memory is full: no other process removes it meanwhile
+        with contextlib.suppress(OSError):  # the memory is full
             mark_unsaved(arena_dir, run_dir, wanted)
         for artefact in wanted:
             error = _in_own_process(artefact, run, arena_dir, run_dir, report)
@@ -70,16 +70,16 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
         update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
         update_summary(run_dir, {"rescued": saved})
         if earlier := ReplacedResults(run_dir).keep():
-            report(f"{run_dir}: the results of the run before are in {earlier}")
+            report(f"{run_dir}: the results of the previous run are in {earlier}")
     except OSError as error:
-        raise UserError(f"{run_dir}: {error.strerror}: expected to write there") from None
+        raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
     return not_saved
 
 
 def _in_own_process(
     artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, report: Report
 ) -> str:
-    """Fork, save there; returns "" or what went wrong. What crashes there costs nothing here."""
+    """Save in a forked process, which may crash; returns "" or the error."""
     name = _result_name(artefact)
     clear_result(run_dir, name)
     sys.stdout.flush()
@@ -105,14 +105,14 @@ def _in_own_process(
 
 
 def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, report: Report) -> int:
-    """Save one artefact and leave its section of the summary, or why it failed; returns the exit code."""
+    """Save one artefact; write its section of the summary or its error; returns the exit code."""
     sections: dict[str, Any] = {}
     error = ""
     try:
         _SAVERS[artefact](run, arena_dir, run_dir, sections, report)
     except UserError as failure:
         error = str(failure)
-    except BaseException as failure:  # this process ends here: its parent reports it
+    except BaseException as failure:  # the parent reports it
         error = f"{type(failure).__name__}: {failure}"
     with contextlib.suppress(OSError):
         write_result(run_dir, _result_name(artefact), ProcessResult(error, sections))

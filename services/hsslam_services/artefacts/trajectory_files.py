@@ -1,4 +1,4 @@
-"""The trajectory files of one map epoch, written from pose log and keyframes."""
+"""Writes the trajectory files of one map epoch from the pose log and the keyframes."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -18,8 +18,8 @@ from hsslam_services.run.summary import pose_section
 
 
 class TrajectoryFiles:
-    """The three trajectories of one map epoch (`store`: its keyframes), those of fragments that have not
-    joined the map, and their pose statistics. The pose log is read in pieces: days have millions of rows."""
+    """The three trajectories of one map epoch, those of fragments that have not joined its map, and pose
+    statistics. `store`: keyframes of the epoch. Reads the pose log in pieces: days have millions of rows."""
 
     def __init__(
         self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
@@ -45,7 +45,7 @@ class TrajectoryFiles:
         }
 
     def section(self) -> dict[str, Any]:
-        """Pose statistics of the run for the summary; with several epochs, also those of this one."""
+        """Pose statistics of the run for the summary; if there are several epochs, of this epoch too."""
         section = pose_section(map(self._log.joined, self._log.slabs()))
         if (gravity := self._gravity) is not None:
             sigma_deg = math.degrees(gravity.sigma_rad)
@@ -67,10 +67,10 @@ class TrajectoryFiles:
         return {"frames": frames, "joined": False, "trajectory": name}
 
     def save(self, run_dir: Path) -> None:
-        """Write the files, each one even if another cannot be written.
+        """Write the files; an error of one does not stop the others.
 
         Raises:
-            UserError: one or more cannot be written; the line names them.
+            UserError: names each file that cannot be written.
         """
         errors = []
         for name, pieces in self._trajectories.items():
@@ -78,7 +78,7 @@ class TrajectoryFiles:
             try:
                 write_tum_pieces(path, pieces())
             except OSError as error:
-                errors.append(f"{path}: {error.strerror}: expected to write the file there")
+                errors.append(f"{path}: {error.strerror}: expected a writable file")
         if errors:
             raise UserError("; ".join(errors))
 

@@ -70,7 +70,7 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     (replaced / "map.safetensors").write_text("of the run before")
     done = _rescue(arena)
     assert done.returncode == ExitCode.NOT_SAVED and of_log in done.stderr
-    assert f"{run.out}: the results of the run before are in earlier\n" in done.stderr
+    assert f"{run.out}: the results of the previous run are in earlier\n" in done.stderr
     assert (run.out / "earlier" / "map.safetensors").read_text() == "of the run before"
     assert (run.out / "trajectory.txt").stat().st_mode & 0o077 == 0
     assert len(read_tum(run.out / "trajectory.txt")) >= 20
