@@ -1,4 +1,4 @@
-"""A thread that computes and sends answers: no client that does not read holds up the supervisor's loop."""
+"""A thread that computes and sends answers: a client that does not read cannot block the supervisor."""
 
 import queue
 import sys
@@ -10,9 +10,8 @@ _END_TIMEOUT_S = 2.0
 
 
 class AnswerThread:
-    """Does jobs one after the other; a client that takes nothing holds up other answers for about a second.
-
-    After that time zenoh cuts its link.
+    """Runs jobs in order. A client that does not read delays the others for about 1 s, then zenoh cuts
+    its link.
     """
 
     def __init__(self) -> None:
@@ -21,7 +20,7 @@ class AnswerThread:
         self._thread.start()
 
     def do(self, job: Callable[[], object]) -> bool:
-        """Do it soon; False if too many wait already. Never blocks."""
+        """Queue a job without blocking; False if the queue is full."""
         try:
             self._jobs.put_nowait(job)
         except queue.Full:
@@ -29,7 +28,7 @@ class AnswerThread:
         return True
 
     def close(self) -> None:
-        """Do what waits, if that does not take long, and end."""
+        """Finish the queued jobs, for at most 4 s, and end."""
         try:
             self._jobs.put(None, timeout=_END_TIMEOUT_S)
         except queue.Full:
@@ -40,5 +39,5 @@ class AnswerThread:
         while (job := self._jobs.get()) is not None:
             try:
                 job()
-            except Exception as error:  # an answer that fails costs no other answer
+            except Exception as error:  # the thread goes on with other answers
                 print(f"error: an answer was not sent: {error}", file=sys.stderr, flush=True)

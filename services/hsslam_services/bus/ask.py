@@ -1,4 +1,4 @@
-"""Asks a running service: no service, a refusal and a timeout are different errors."""
+"""Sends a request to a running service; no service, a refusal and a timeout are different errors."""
 
 from typing import TypeVar
 
@@ -18,23 +18,23 @@ _CONNECT_S = 3.0
 
 
 class NotDoneError(Exception):
-    """A request that was not done; the text says in its first words which way."""
+    """A request that failed; the first words of the text name the kind: no service, refused, timeout."""
 
 
 class NoServiceError(NotDoneError):
-    """There is no router, or no service behind it answers for this robot."""
+    """There is no router, or no service of this robot behind it."""
 
 
 class RefusedError(NotDoneError):
-    """The service has said no."""
+    """The service refused the request."""
 
 
 class UnfinishedError(RefusedError):
-    """The service has done a part of it, and goes on if it is asked again."""
+    """The service has done a part of the work; ask again to continue."""
 
 
 class NoAnswerError(NotDoneError):
-    """The service is there and has not answered in time."""
+    """The service did not answer in time."""
 
 
 def ask(
@@ -46,7 +46,7 @@ def ask(
     connect_s: float = _CONNECT_S,
     security: str = "",
 ) -> A:
-    """The answer of the service behind the router at `endpoint`; waits `request.takes_s` by default.
+    """Ask the service behind the router at `endpoint`; waits `request.takes_s` by default.
 
     `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
 
@@ -79,12 +79,12 @@ def ask(
 def _answer(request: Request[Q, A], payload: bytes, encoding: str) -> A:
     answer = decode(request.answered, payload, encoding)
     if isinstance(answer, Rejected):
-        raise RefusedError(f"refused: answer not understood: {answer.text}")
+        raise RefusedError(f"refused: cannot decode the answer: {answer.text}")
     return answer
 
 
 def _raise_refusal(request: Request, error: zenoh.ReplyError, wait_s: float) -> None:
-    if str(error.encoding) != encoding_of(REFUSAL):  # zenoh's own word, not the service's
+    if str(error.encoding) != encoding_of(REFUSAL):  # an error of zenoh, not of the service
         raise NoAnswerError(f"timeout: no answer to {request.name} within {wait_s:g} s")
     refusal = decode(REFUSAL, error.payload.to_bytes(), str(error.encoding))
     is_begun = isinstance(refusal, Refusal) and refusal.reason == "unfinished"

@@ -1,4 +1,4 @@
-"""One process's place on the bus."""
+"""The connection of one process to the bus."""
 
 import atexit
 import os
@@ -38,22 +38,22 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
 class LiveProcess(NamedTuple):
-    """A process that holds its liveliness token; a hung one does too."""
+    """A process that holds its liveliness token; it may hang."""
 
     process: str
     pid: int
 
 
 class Bus:
-    """A client session at the router of a run; holds the liveliness token of this process.
+    """A client session with the router of a run; holds the liveliness token of this process.
 
-    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`. `settings`: of zenoh,
-    beside those of this system.
+    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`. `settings`: further zenoh
+    settings.
 
-    Never fork while one is open: the child would hang. Use it as a context manager or call `close`.
+    Never fork while a `Bus` is open: the child would hang. Use it as a context manager or call `close`.
 
     Raises:
-        UserError: no router at `endpoint`, or a name that cannot be part of a key.
+        UserError: no router at `endpoint`, or an invalid name of a robot or process.
     """
 
     def __init__(
@@ -84,9 +84,9 @@ class Bus:
     def publisher(
         self, topic: Topic[M], block: bool | None = None, follows_all: bool = False
     ) -> Publisher[M]:
-        """A publisher of the topic; `block` overrides its qos (lockstep blocks for frames).
+        """A publisher of the topic; `block` overrides its qos (in lockstep, frames block).
 
-        `follows_all`: its messages overtake nothing that this process sent before, on any topic.
+        `follows_all`: its messages never overtake earlier messages of this process, on any topic.
         """
         key = topic.key(self.robot)
         publisher = Publisher(self._session, key, topic, secrets.randbits(32), block, follows_all)
@@ -96,10 +96,10 @@ class Bus:
     def subscribe(
         self, topic: Topic[M], depth: int = 1, history: bool | None = None
     ) -> Subscription[M]:
-        """A subscription with room for `depth` messages.
+        """A subscription that queues at most `depth` messages.
 
-        `history`: first what the publishers still hold in their caches, and again what was lost
-        on the way; default: topics with qos "keep".
+        `history`: fetch the messages in the publishers' caches first, and lost messages again; default:
+        for topics with qos "keep".
         """
         wanted = topic.qos == "keep" if history is None else history
         subscription = Subscription(
@@ -114,29 +114,29 @@ class Bus:
         return subscription
 
     def state(self, topic: Topic[M]) -> Iterator[M]:
-        """What the messages of a topic that keeps its state amount to now; waits for its publisher."""
+        """The current state of a topic that keeps its state, as messages; waits for its publisher."""
         for sample in get_state(self._session, topic.key(self.robot)):
             message = decode(topic, sample.payload.to_bytes(), str(sample.encoding))
             if not isinstance(message, Rejected):
                 yield message
 
     def requests(self) -> RequestQueue:
-        """The requests to this robot; one process answers them."""
+        """The queue of requests to this robot; one process answers them."""
         queue = RequestQueue(self._session, self.robot)
         self._queues.append(queue)
         return queue
 
     def answer(self, request: Request[Q, A], make: Callable[[Q], A | Refusal]) -> None:
-        """Answer a request that another process of the run passes on, in a thread of the bus."""
+        """Answer a request that the gateway passes on, in a thread of the bus."""
         self._answers.append(PassedOnAnswers(self._session, self.robot, request, make))
 
     def pass_on(self, request: Request[Q, A], message: Q) -> A | Refusal:
-        """What the process that answers this request says; waits for it."""
+        """Pass a request on to the process that answers it; waits for the answer."""
         return pass_on(self._session, self.robot, request, message)
 
     @property
     def subscriptions(self) -> tuple[Subscription, ...]:
-        """All subscriptions made here, with their counters."""
+        """All subscriptions of this bus, with their counters."""
         return tuple(self._subscriptions)
 
     def wait(self, timeout_s: float) -> bool:
@@ -151,23 +151,23 @@ class Bus:
         return True
 
     def live_processes(self, timeout_s: float = 1.0) -> frozenset[LiveProcess]:
-        """The processes of this robot whose liveliness tokens the router holds."""
+        """The processes of this robot that have a liveliness token at the router."""
         replies = self._session.liveliness().get(f"{self._live_prefix}/*/*", timeout=timeout_s)
         keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
         return frozenset(_live_process(key) for key in keys)
 
     def live_robots(self, process: str, timeout_s: float = 1.0) -> list[str]:
-        """The robots of which a process of this name lives, as far as the router holds their tokens."""
+        """The robots that have a process of this name with a liveliness token at the router."""
         tokens = f"hsslam/*/sys/live/{process}/*"
         replies = self._session.liveliness().get(tokens, timeout=timeout_s)
         return sorted({str(r.ok.key_expr).split("/")[1] for r in replies if r.ok is not None})
 
     def is_connected(self) -> bool:
-        """Whether the router is there now; the session reconnects by itself."""
+        """Whether the router is connected now; the session reconnects by itself."""
         return not self._closed and bool(self._session.info.routers_zid())
 
     def close(self) -> None:
-        """Withdraw from all topics and end the session; the interpreter can exit after it."""
+        """Undeclare all topics and close the session."""
         if self._closed:
             return
         self._closed = True

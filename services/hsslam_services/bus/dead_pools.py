@@ -1,8 +1,8 @@
-"""zenoh's shared memory of a run: counted, and that of killed processes given back while the run goes on.
+"""Counts zenoh's shared memory of a run, and frees the pools of killed processes while the run goes on.
 
-A sender's pool is a file in /dev/shm. When its process is killed, the file stays until the run ends, as the
-router and all receivers keep it mapped. It has no name of its process, so its size has: each process of a
-run takes a pool that is some pages smaller.
+A sender's pool is a file in /dev/shm. If its process is killed, the file stays until the run ends, as the
+router and all receivers map it. The file's name does not show its process, but its size does: the pool of
+process n is n pages smaller.
 """
 
 import contextlib
@@ -19,12 +19,12 @@ POOL_BYTES = 32 * 2**20
 
 
 def pool_bytes(process_number: int, most: int = POOL_BYTES) -> int:
-    """Size of the pool of a process, numbered from 1; 0 is for all that are not told apart."""
+    """Size of the pool of a process, by its number from 1; 0: a process without a number."""
     return most // mmap.PAGESIZE * mmap.PAGESIZE - process_number * mmap.PAGESIZE
 
 
 def bytes_of_pools(router_pid: int) -> int:
-    """Memory of all pools and tables of zenoh in a run: its router has those of each sender open."""
+    """Memory of all pools and tables of zenoh in a run: those that its router has open."""
     files = []
     for entry, _ in _open_pools(router_pid):
         with contextlib.suppress(OSError):  # closed meanwhile
@@ -33,20 +33,20 @@ def bytes_of_pools(router_pid: int) -> int:
 
 
 def pools_of(pid: int) -> set[Path]:
-    """The pools and tables that a process has open and that have a name."""
+    """The pools and tables that a process has open, without deleted files."""
     return {Path(path) for _, path in _open_pools(pid) if path.endswith(_SUFFIX)}
 
 
 def free_pools(process_number: int, most: int = POOL_BYTES) -> int:
-    """In the router's process: free the pools of a process that is dead; returns the bytes.
+    """Free the pools of a dead process; returns the bytes. Call it in the router's process.
 
-    They stay mapped, empty. What is still on its way from the dead process cannot be read any more.
+    The pools stay mapped and read as zeros, so messages in transit from the dead process are lost.
     """
     wanted = pool_bytes(process_number, most)
     freed = 0
     for entry, path in list(_open_pools(os.getpid())):
         with contextlib.suppress(OSError):
-            # freed already if it has no name; the size is that of the open file
+            # a file without a name was freed before; st_size is that of the open file
             if path.endswith(_SUFFIX) and entry.stat().st_size == wanted:
                 give_back(int(entry.name), 0, wanted)
                 freed += wanted
@@ -55,7 +55,7 @@ def free_pools(process_number: int, most: int = POOL_BYTES) -> int:
 
 
 def _open_pools(pid: int) -> Iterator[tuple[Path, str]]:
-    """zenoh's files that a process has open: entry in /proc, and path; one without a name is "(deleted)"."""
+    """zenoh's files that a process has open: entry in /proc, and path; a deleted file ends in "(deleted)"."""
     with contextlib.suppress(OSError):  # the process has ended
         for entry in Path(f"/proc/{pid}/fd").iterdir():
             with contextlib.suppress(OSError):  # closed meanwhile

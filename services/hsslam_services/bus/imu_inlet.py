@@ -1,4 +1,4 @@
-"""An IMU on `in/imu` for the frames of this run's camera; a file of its own, as `odometry_inlet.py` is."""
+"""Adds IMU readings from `in/imu` to the frames of the camera; apart as `odometry_inlet.py` is."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,11 +14,11 @@ from hsslam_services.bus.subscription import Subscription
 
 
 class ImuInlet:
-    """Integrates the samples that have come before each frame. Stamps are wall clock, as of frames.
+    """Integrates the IMU samples before each frame. Stamps are wall clock, as of frames.
 
     Args:
         camera_T_imu: numbers of `--camera-T-imu`.
-        tell: gets a report each time that the clock of the messages was set back.
+        tell: gets a report each time the clock of the messages was set back.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class ImuInlet:
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
-        """The frame with the reading at this stamp; unchanged if it has one, or if there is none."""
+        """The frame with the IMU reading at this stamp; unchanged if it has one or there is none."""
         for message in self._messages.drain():
             samples = zip(
                 message.stamps_ns, message.angular_velocity, message.acceleration, strict=True

@@ -1,17 +1,17 @@
-"""What publishers keep for subscribers that come later: the last messages of a topic, or its state."""
+"""Fetches what publishers keep for late subscribers: the last messages of a topic, or its state."""
 
 from collections.abc import Iterator
 
 import zenoh
 
-_CACHES = "@adv/**"  # where zenoh's AdvancedPublisher answers, below the key of its topic
-_STATE_S = 10.0  # for a publisher to answer
+_CACHES = "@adv/**"  # caches of zenoh's AdvancedPublisher, below the key of the topic
+_STATE_S = 10.0  # time for a publisher to answer
 
 
 def get_history(session: zenoh.Session, key: str) -> Iterator[zenoh.Sample]:
-    """The messages that publishers of a topic with history keep, those of each in their order.
+    """The messages in the caches of a topic's publishers, in the order of each publisher.
 
-    zenoh's own subscriber with history loses it if a message or a heartbeat comes before the answer
+    zenoh's own subscriber with history loses them if a message or a heartbeat comes before the answer
     (zenoh 1.10: one start in five while messages come).
 
     Raises:
@@ -23,7 +23,7 @@ def get_history(session: zenoh.Session, key: str) -> Iterator[zenoh.Sample]:
 def get_state(
     session: zenoh.Session, key: str, timeout_s: float = _STATE_S
 ) -> Iterator[zenoh.Sample]:
-    """What the publisher of a topic that keeps its state answers: none, if there is no publisher.
+    """The state of a topic that keeps its state, from its publisher; empty if there is no publisher.
 
     Raises:
         zenoh.ZError: the session is closed.

@@ -1,19 +1,19 @@
-"""Lockstep: how far the recorder is behind the camera."""
+"""Lockstep: the camera waits if the recorder falls behind."""
 
 import time
 from collections import deque
 
 from hsslam_proto.run_messages import Step
 
-_MOST_FRAMES = 8  # half of what the recorder keeps waiting
+_MOST_FRAMES = 8  # half of the recorder's queue
 _PATIENCE_S = 10.0
 
 
 class LogLag:
-    """Frames that were sent and are not in the log yet; whoever sends waits while they are too many.
+    """Counts frames that were sent and are not logged yet; the camera waits while there are too many.
 
-    A recorder that logs nothing for 10 s is not waited for, until it logs again.
-    `has_recorder`: it takes work already.
+    If the recorder logs nothing for 10 s, the camera does not wait until the recorder logs again.
+    `has_recorder`: the recorder takes work already.
     """
 
     def __init__(self, has_recorder: bool) -> None:
@@ -22,11 +22,11 @@ class LogLag:
         self._since_s = time.monotonic()
 
     def sent(self, publisher: int, index: int) -> None:
-        """A frame has gone out for the first time."""
+        """Take in a frame that was sent for the first time."""
         self._unlogged.append((publisher, index))
 
     def hear(self, step: Step) -> None:
-        """Take in a step: a frame that is logged stands for all before it."""
+        """Take in a step: if a frame is logged, all earlier frames count as logged too."""
         if step.stage != "logged":
             return
         self._has_recorder, self._since_s = True, time.monotonic()
@@ -36,7 +36,7 @@ class LogLag:
                 pass
 
     def must_wait(self) -> bool:
-        """Whether the next frame could be lost to the log."""
+        """Whether the camera must wait, as the log could miss the next frame."""
         if not self._has_recorder or len(self._unlogged) < _MOST_FRAMES:
             self._since_s = time.monotonic()
             return False
@@ -45,10 +45,10 @@ class LogLag:
         return bool(self._unlogged)
 
     def is_over(self) -> bool:
-        """Whether all that was sent is in the log, if a recorder is there."""
+        """Whether all sent frames are in the log, or there is no recorder."""
         return not self._has_recorder or not self._unlogged
 
     def forget(self) -> None:
-        """The recorder is gone, and with it what waited there."""
+        """The recorder is gone, and its queue with it."""
         self._has_recorder = False
         self._unlogged.clear()

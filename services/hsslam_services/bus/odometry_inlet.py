@@ -1,4 +1,4 @@
-"""Odometry on `in/odometry` for the frames of this run's camera; a file of its own as two paces use it."""
+"""Adds odometry from `in/odometry` to the frames of the camera; apart as two paces use it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,12 +13,12 @@ from hsslam_services.bus.subscription import Subscription
 
 
 class OdometryInlet:
-    """Reads the odometry that has come before each frame. Stamps are wall clock, as `stamp_ns` of frames.
+    """Interpolates odometry at the stamps of frames. Stamps are wall clock, as `stamp_ns` of frames.
 
     Args:
         base_T_camera: numbers of `--base-T-camera`.
         noise: as in `OdometryTrack`.
-        tell: gets a report each time that the clock of the messages was set back.
+        tell: gets a report each time the clock of the messages was set back.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class OdometryInlet:
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
-        """The frame with the odometry at this stamp; unchanged if it has some, or if there is none."""
+        """The frame with the odometry at this stamp; unchanged if it has odometry or there is none."""
         for message in self._messages.drain():
             T_odom_base = pose_matrix([*message.t, *message.q])
             self._track.add(message.stamp_ns, T_odom_base, covariance_matrix(message.covariance))

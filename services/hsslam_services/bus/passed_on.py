@@ -1,4 +1,4 @@
-"""Requests that the gateway passes on to another process of the run, by keys that no client may ask."""
+"""Requests that the gateway passes on to another process of the run, on keys closed to clients."""
 
 import contextlib
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from hsslam_proto.requests import REFUSAL, Request
 Q = TypeVar("Q", bound=Message)
 A = TypeVar("A", bound=Message)
 
-_SOONER_S = 1.0  # than the client gives up
+_SOONER_S = 1.0  # before the client gives up
 
 
 def _key(request: Request, robot: str) -> str:
-    """Below `sys/` by two levels: roles of clients end at the first."""
+    """Two levels below `sys/`: the roles of clients cover one level."""
     return f"hsslam/{robot}/sys/passed_on/{request.name}"
 
 
 class PassedOnAnswers(Generic[Q, A]):
-    """Answers a request for the gateway; `Bus.answer` makes it.
+    """Answers a request for the gateway; created by `Bus.answer`.
 
-    `make` runs in a thread of zenoh. What is wrong with the question is a `UserError`.
+    `make` runs in a thread of zenoh; it raises `UserError` for a malformed question.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class PassedOnAnswers(Generic[Q, A]):
         self._queryable = session.declare_queryable(_key(request, robot), self._answer)
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._queryable.undeclare()
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -58,19 +58,19 @@ class PassedOnAnswers(Generic[Q, A]):
     def _made(self, query: zenoh.Query) -> A | Refusal:
         payload = b"" if query.payload is None else query.payload.to_bytes()
         asked = decode(self._request.asked, payload, str(query.encoding))
-        if isinstance(asked, Rejected):  # the gateway sends none
+        if isinstance(asked, Rejected):  # the gateway never sends one
             return Refusal(reason="malformed", text=asked.text)
         try:
             return self._make(asked)
         except UserError as error:
             return Refusal(reason="malformed", text=f"{self._request.name}: {error}"[:4096])
-        except Exception as error:  # whatever it is: the client waits for an answer
+        except Exception as error:  # the client waits for an answer
             return Refusal(reason="failed", text=f"{self._request.name}: {error}"[:4096])
 
 
 def pass_on(session: zenoh.Session, robot: str, request: Request[Q, A], message: Q) -> A | Refusal:
-    """The answer of the process that answers this request; a client that waits `request.takes_s` still hears
-    if none comes."""
+    """Ask the process that answers this request; gives up 1 s before `request.takes_s`, so that the client
+    still gets a refusal."""
     replies = session.get(
         _key(request, robot),
         payload=encode(request.asked, message),
@@ -89,5 +89,5 @@ def pass_on(session: zenoh.Session, robot: str, request: Request[Q, A], message:
                 return refusal
     return Refusal(
         reason="not_now",
-        text=f"{request.name}: the process that answers it is not there, or busy: ask again",
+        text=f"{request.name}: the process that answers it is busy or not running: ask again",
     )

@@ -1,4 +1,4 @@
-"""Which processes of the run take work, heard from their heartbeats."""
+"""Which processes of the run take work, from their heartbeats."""
 
 import time
 from collections.abc import Iterable
@@ -9,31 +9,26 @@ from hsslam_proto.run_messages import Health
 from hsslam_services.bus.bus import Bus
 
 _POLL_S = 0.1
-_ON_ITS_WAY_S = 2.0  # a frame, at most; heartbeats come every 0.5 s
-_LONGEST_WAIT_S = 30.0  # for processes that the run can do without
+_ON_ITS_WAY_S = 2.0  # longest transfer of a frame; heartbeats come every 0.5 s
+_LONGEST_WAIT_S = 30.0  # for processes that the run does not need
 
 
 class CanStop(Protocol):
-    """Who waits, and for how long: a worker until it is told to end."""
+    """A worker that waits until it must stop."""
 
     def should_stop(self) -> bool: ...
 
 
 class Peers:
-    """Listens to the heartbeats of the others."""
+    """Listens to the heartbeats of the other processes."""
 
     def __init__(self, bus: Bus) -> None:
         self._health = bus.subscribe(topics.HEALTH, 64)
         self._pids: dict[str, int] = {}
-        self._frames: dict[
-            str, tuple[int, float]
-        ] = {}  # received by each process, and when it said so
+        self._frames: dict[str, tuple[int, float]] = {}  # received frames, and when it was reported
 
     def wait(self, names: Iterable[str], others: Iterable[str], waiting: CanStop) -> None:
-        """Return when all of `names` run, and `others`, too, or have had their time.
-
-        Also when the one that waits must stop.
-        """
+        """Wait until all of `names` run, and for `others` at most 30 s, or until `waiting` must stop."""
         needed = set(names)
         missing = needed | set(others)
         give_up_s = time.monotonic() + _LONGEST_WAIT_S
@@ -46,11 +41,11 @@ class Peers:
                 missing.discard(health.process)
 
     def has_heard(self, name: str) -> bool:
-        """Whether this process took work when it was last heard."""
+        """Whether a heartbeat of this process reported that it takes work."""
         return name in self._pids
 
     def restarted(self) -> bool:
-        """Whether one that ran has been replaced, and its successor runs, since the last call."""
+        """Whether a process was restarted and runs again since the last call."""
         found = False
         for health in self._health.drain():
             if health.state == "running":
@@ -59,11 +54,11 @@ class Peers:
         return found
 
     def frames_received(self, name: str) -> int:
-        """Frames that had come to this process by its last heartbeat that was looked at."""
+        """Number of frames received by this process, by its newest heartbeat."""
         return self._frames.get(name, (0, 0.0))[0]
 
     def has_missed(self, name: str, before: int, sent_s: float) -> bool:
-        """Whether this process still counts `before` frames 2 s after another was sent, s monotonic."""
+        """Whether this process counts only `before` frames more than 2 s after `sent_s` (monotonic)."""
         count, heard_s = self._frames.get(name, (0, 0.0))
         return count <= before and heard_s - sent_s > _ON_ITS_WAY_S
 
@@ -74,7 +69,7 @@ class Peers:
 
 
 class AtWork:
-    """Which of the other processes go on sending: the last heartbeat of each follows all that it sends."""
+    """The other processes that still send; the last heartbeat of a process follows all its messages."""
 
     def __init__(self, own: str) -> None:
         self._own = own

@@ -1,4 +1,4 @@
-"""The sending end of one topic."""
+"""A publisher of one topic."""
 
 import contextlib
 import threading
@@ -17,13 +17,13 @@ from hsslam_proto.topics import Topic
 M = TypeVar("M", bound=Message)
 Report = Callable[[Literal["info", "warning", "error"], str], None]  # publishes an event
 _HEARTBEAT_S = 0.25
-_LARGE_BYTES = 2**17  # of a message that may fill the queue of a link
+_LARGE_BYTES = 2**17  # a larger message may fill the queue of a link
 
 
 def priority(topic: Topic) -> zenoh.Priority:
-    """The queue of each link that a topic takes: what waits for room in one never holds up another.
+    """The priority of a topic; each priority has a queue of its own in each link, so none blocks another.
 
-    Poses and heartbeats first, then what is small and must arrive, then frames, last meshes.
+    The order: poses and heartbeats, small messages that must arrive, frames, meshes.
     """
     if topic.size_limit_bytes <= _LARGE_BYTES:
         is_latest = topic.qos == "latest"
@@ -32,10 +32,10 @@ def priority(topic: Topic) -> zenoh.Priority:
 
 
 class Publisher(Generic[M]):
-    """Encodes and sends messages of one topic; `Bus.publisher` makes it.
+    """Encodes and sends messages of one topic; created by `Bus.publisher`.
 
     `block`: wait for a congested link (at most 1 s) rather than drop; default: for qos "keep".
-    `follows_all`: what it sends overtakes nothing that its process sent before, on any topic.
+    `follows_all`: its messages never overtake earlier messages of its process, on any topic.
     """
 
     def __init__(
@@ -79,21 +79,21 @@ class Publisher(Generic[M]):
         """Send one message.
 
         Raises:
-            ValueError: the message is of another type, or above the size limit of the topic.
+            ValueError: the message has another type, or exceeds the size limit of the topic.
         """
         self.put_payload(encode(self.topic, message), getattr(message, "stamp_ns", None))
 
     def put_payload(self, payload: bytes, stamp_ns: int | None = None) -> None:
-        """Send a payload that is already encoded, such as one from a log."""
+        """Send an encoded payload, such as one from a log."""
         now = time.time_ns()
         stamp_ns = now if stamp_ns is None else stamp_ns
-        with self._lock:  # a process's events come from several threads
+        with self._lock:  # events come from several threads
             envelope = Envelope(self._id, self.sent & 0xFFFFFFFF, stamp_ns, now)
             self.sent += 1
             self._publisher.put(payload, attachment=envelope.pack())
 
     def has_subscribers(self) -> bool:
-        """Whether anything subscribes now, or may later ask for what is kept."""
+        """Whether the topic has subscribers; always true for a topic with history."""
         if not isinstance(self._publisher, zenoh.Publisher):
             return True
         status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
@@ -103,7 +103,7 @@ class Publisher(Generic[M]):
         """Answer a `get` on the key of the topic with these messages; `state` runs in a thread of zenoh."""
 
         def reply(query: zenoh.Query) -> None:
-            with query, contextlib.suppress(zenoh.ZError):  # whoever asked is gone
+            with query, contextlib.suppress(zenoh.ZError):  # the client is gone
                 for message in state():
                     payload = encode(self.topic, message)
                     query.reply(
@@ -113,7 +113,7 @@ class Publisher(Generic[M]):
         self._queryable = self._session.declare_queryable(self._key, reply)
 
     def close(self) -> None:
-        """Withdraw from the topic."""
+        """Undeclare the publisher."""
         if self._queryable is not None:
             self._queryable.undeclare()
         self._publisher.undeclare()

@@ -1,4 +1,4 @@
-"""The answering end of the requests: what cannot be read is refused and counted at once."""
+"""Receives and answers requests; refuses and counts malformed ones at once."""
 
 import contextlib
 import threading
@@ -16,13 +16,13 @@ from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request, rpc_prefix
 from hsslam_services.bus.answer_thread import AnswerThread
 
-_LONGEST_QUEUE = 64  # requests that wait; more are refused as busy
-_RING = 4096  # queries between two turns of the reader thread
+_LONGEST_QUEUE = 64  # waiting requests; further ones are refused as busy
+_RING = 4096  # queries between two reads of the reader thread
 
 
 @dataclass(frozen=True)
 class PendingRequest:
-    """A request that waits for its one answer."""
+    """A request that waits for its answer."""
 
     request: Request
     message: Any  # of the request's type
@@ -30,31 +30,31 @@ class PendingRequest:
     _queue: "RequestQueue"
 
     def answer(self, message: Message) -> None:
-        """Send the answer, soon; one above the size limit is refused."""
+        """Send the answer in the answer thread; an answer above the size limit becomes a refusal."""
         self._queue.later(self._query, lambda: self.answer_here(message))
 
     def answer_here(self, message: Message) -> None:
-        """Send the answer in this thread: a large one takes seconds, for which others need not wait."""
+        """Send the answer in this thread: a large answer takes seconds and must not delay others."""
         try:
             payload = encode(self.request.answered, message)
         except ValueError as error:
             self.refuse("size", str(error))
             return
-        except Exception as error:  # whatever it is: the client waits for an answer
+        except Exception as error:  # the client waits for an answer
             self.refuse("failed", f"{self.request.name}: {error}")
             return
         encoding = zenoh.Encoding(encoding_of(self.request.answered))
-        with contextlib.suppress(zenoh.ZError):  # whoever asked is gone
+        with contextlib.suppress(zenoh.ZError):  # the client is gone
             self._query.reply(self._query.key_expr, payload, encoding=encoding)
         self._query.drop()
 
     def refuse(self, reason: Any, text: str) -> None:
-        """Say why not, in one line."""
+        """Refuse the request; `text` is one line."""
         self._queue.refuse(self._query, reason, text)
 
 
 class RequestQueue:
-    """The requests of one robot, in their order; `Bus.requests` makes it.
+    """The requests to one robot, oldest first; created by `Bus.requests`.
 
     Counters: `received` and `refused`.
     """
@@ -74,14 +74,14 @@ class RequestQueue:
         self._thread.start()
 
     def poll(self) -> PendingRequest | None:
-        """The oldest waiting request, or None at once."""
+        """The oldest waiting request, or None; does not wait."""
         try:
             return self._waiting.popleft()
         except IndexError:
             return None
 
     def refuse(self, query: zenoh.Query, reason: Any, text: str) -> None:
-        """Answer a query with a refusal, soon, and count it."""
+        """Answer a query with a refusal in the answer thread, and count it."""
         with self._lock:
             self.refused += 1
         payload = encode(REFUSAL, Refusal(reason=reason, text=text[:4096]))
@@ -94,12 +94,12 @@ class RequestQueue:
         self.later(query, send)
 
     def later(self, query: zenoh.Query, send: Callable[[], None]) -> None:
-        """Send an answer in another thread; with too many that wait, the client gets none."""
+        """Send an answer in the answer thread; if its queue is full, the client gets no answer."""
         if not self._answers.do(send):
             query.drop()
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._answers.close()
         self._queryable.undeclare()
         self._thread.join(timeout=2.0)
@@ -130,7 +130,7 @@ class RequestQueue:
 
 
 def _read_message(asked: Payload, query: zenoh.Query) -> Message | Rejected:
-    """The message in a query; none at all stands for one without arguments."""
+    """The message in a query; no payload: the message with default fields."""
     payload = query.payload
     if payload is None or len(payload) == 0:
         try:

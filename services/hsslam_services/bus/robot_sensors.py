@@ -1,4 +1,4 @@
-"""Other sensors of the robot, on the bus; a file of its own as three paces name it."""
+"""Other sensors of the robot, on the bus; apart as three paces name it."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ _IMU_RING = 2048
 
 
 class RobotSensors:
-    """Adds odometry and IMU to frames, if other programs send them."""
+    """Adds odometry and IMU readings to frames, if other programs send them."""
 
     def __init__(self, odometry: OdometryInlet, imu: ImuInlet) -> None:
         self._odometry = odometry
@@ -25,7 +25,7 @@ class RobotSensors:
     def heard(
         cls, bus: Bus, options: ServeOptions, tell: Callable[[Report], None] = lambda _: None
     ) -> "RobotSensors":
-        """Subscribe to both; `tell` gets a report of what is wrong with their messages."""
+        """Subscribe to both topics; `tell` gets reports of problems with their messages."""
         wheels = bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
         return cls(
             OdometryInlet(wheels, options.base_T_camera, options.odometry_noise, tell),
@@ -33,5 +33,5 @@ class RobotSensors:
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
-        """The frame with what they say at this stamp, wall clock."""
+        """The frame with the readings of the sensors at this stamp, wall clock."""
         return self._imu.given(self._odometry.given(frame, stamp_ns), stamp_ns)

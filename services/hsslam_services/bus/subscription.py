@@ -1,4 +1,4 @@
-"""The receiving end of one topic: a ring where the newest wins, filled by one reader thread."""
+"""A subscriber of one topic: a reader thread fills a queue that drops the oldest message if it is full."""
 
 import contextlib
 import threading
@@ -19,13 +19,13 @@ from hsslam_services.bus.kept_messages import get_history, get_state
 M = TypeVar("M", bound=Message)
 _KEPT_REJECTIONS = 16
 _LARGE_BYTES = 2**23
-_RING, _LARGE_RING = 1024, 64  # messages between two turns of the reader; of topics of large ones
-_PUBLISHERS = 64  # whose sequences are followed
+_RING, _LARGE_RING = 1024, 64  # messages between two reads; for topics of large messages
+_PUBLISHERS = 64  # whose sequence numbers are checked
 
 
 @dataclass(frozen=True)
 class Received(Generic[M]):
-    """A message and its payload as it came; `envelope` is None for publishers without one."""
+    """A message and its payload as received; `envelope` is None if the publisher sends none."""
 
     message: M
     payload: bytes
@@ -34,11 +34,11 @@ class Received(Generic[M]):
 
 
 class Subscription(Generic[M]):
-    """Messages of one topic, oldest kept first; `Bus.subscribe` makes it.
+    """Messages of one topic, oldest first; created by `Bus.subscribe`.
 
-    At most `depth` messages wait; one more pushes the oldest out. What cannot be read never waits,
-    and so pushes nothing out. Counters: `received`, `dropped` (pushed out, or missing in a publisher's
-    sequence) and `rejected` (could not be read, or was refused by who read it).
+    At most `depth` messages wait; a further message drops the oldest. Malformed messages never wait, so
+    they drop none. Counters: `received`, `dropped` (from the queue, or missing in a publisher's sequence)
+    and `rejected` (malformed, or refused by the reader).
     """
 
     def __init__(
@@ -76,16 +76,16 @@ class Subscription(Generic[M]):
             self.ask_state()
 
     def ask_state(self) -> None:
-        """Take in, beside what comes, all that the publishers' messages so far amount to."""
+        """Fetch the current state of the topic in another thread, and queue its messages."""
         threading.Thread(target=self._read_state, name=self.topic.name, daemon=True).start()
 
     def poll(self) -> M | None:
-        """The oldest waiting message, or None at once."""
+        """The oldest waiting message, or None; does not wait."""
         received = self.poll_received()
         return None if received is None else received.message
 
     def poll_received(self) -> Received[M] | None:
-        """As `poll`, with how and when the message came."""
+        """As `poll`, with payload, envelope and time of arrival."""
         try:
             return self._waiting.popleft()
         except IndexError:
@@ -97,7 +97,7 @@ class Subscription(Generic[M]):
         return None if received is None else received.message
 
     def wait_received(self, timeout_s: float) -> Received[M] | None:
-        """As `wait`, with how and when the message came."""
+        """As `wait`, with payload, envelope and time of arrival."""
         deadline = time.monotonic() + timeout_s
         while True:
             received = self.poll_received()
@@ -118,45 +118,45 @@ class Subscription(Generic[M]):
         return messages
 
     def pending(self) -> int:
-        """Messages that wait now."""
+        """Number of waiting messages."""
         return len(self._waiting)
 
     @property
     def rejected(self) -> int:
-        """Messages that could not be read or were refused."""
+        """Number of messages that were malformed or refused."""
         return self._unreadable + self._refused
 
     def refuse(self, text: str) -> None:
-        """Count a message that was read as rejected; one thread calls this, the one that takes them."""
+        """Count a message as rejected after reading it; only the thread that reads messages calls this."""
         self._refused += 1
         self._rejections.append(Rejected(self.topic.name, "sequence", f"{self.topic.name}: {text}"))
 
     def take_rejections(self) -> list[Rejected]:
-        """Why payloads were rejected since the last call (at most the last 16)."""
+        """The reasons of rejections since the last call, at most the last 16."""
         taken = []
         while self._rejections:
             taken.append(self._rejections.popleft())
         return taken
 
     def close(self) -> None:
-        """Withdraw from the topic; what waits stays readable."""
-        with contextlib.suppress(zenoh.ZError):  # it has withdrawn already
+        """Undeclare the subscriber; waiting messages stay readable."""
+        with contextlib.suppress(zenoh.ZError):  # undeclared already
             self._subscriber.undeclare()
         self._thread.join(timeout=2.0)
 
     def _read(self, handler: zenoh.Handler[zenoh.Sample], history: bool) -> None:
-        """Take what publishers kept, then what has come since the declaration, without what was kept."""
+        """Take the publishers' history, then the messages since the declaration that it does not hold."""
         if history:
             self._read_history()
         sample: zenoh.Sample | None
         while True:
             try:
                 sample = handler.recv()
-                # all that has come meanwhile: recv() lets go of the interpreter's lock and, in a busy
-                # process, has it back 5 ms later only: too late for a ring that fills
+                # empty the ring before the next recv(): it releases the GIL and, in a busy process, gets it
+                # back 5 ms later, when the ring may have overflowed
                 while sample is not None:
                     self._take(sample)
-                    del sample  # hands its shared memory back before the next wait
+                    del sample  # frees its shared memory before the next wait
                     sample = handler.try_recv()
             except zenoh.ZError:  # the subscriber is undeclared or the session closed
                 return
@@ -207,7 +207,7 @@ class Subscription(Generic[M]):
         return Received(message, payload, envelope, time.time_ns())
 
     def _is_from_history(self, envelope: Envelope | None) -> bool:
-        """Whether this message was among those that its publisher kept before."""
+        """Whether this message was already in the history of its publisher."""
         return envelope is not None and envelope.sequence < self._history_until.get(
             envelope.publisher, 0
         )

@@ -1,7 +1,7 @@
-"""Zenoh sessions of this system: one router on loopback, every other process its client.
+"""Zenoh sessions: the run has one router, on loopback; all other processes are its clients.
 
-Zenoh locks its shared memory in the sender and in every receiver. Messages beyond the limit of locked memory
-(`ulimit -l`) are lost silently (zenoh issues 2787, 2788), so pools are sized by that limit.
+Zenoh locks its shared memory in the sender and in each receiver. Messages beyond the limit of locked memory
+(`ulimit -l`) are lost silently (zenoh issues 2787, 2788), so this module sizes the pools by that limit.
 """
 
 import json
@@ -25,32 +25,32 @@ _SHARED = "transport/shared_memory"
 _POOL = f"{_SHARED}/transport_optimization/pool_size"
 _FROM = f"{_SHARED}/transport_optimization/message_size_threshold"
 _LEAST_POOL_BYTES = 2**20
-_LARGE_BYTES = 65_536  # frames and meshes; what is smaller is cheaper on the socket
+_LARGE_BYTES = 65_536  # frames and meshes; smaller messages are cheaper on the socket
 _NEVER = 2**40
-_ALL_POOLS_BYTES = 16 * POOL_BYTES  # of all senders of a run that a process may come to hear
+_ALL_POOLS_BYTES = 16 * POOL_BYTES  # of all senders that a process may receive from
 _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
-_CAP_IPC_LOCK = 14  # capabilities(7): the limit does not count
+_CAP_IPC_LOCK = 14  # capabilities(7): the limit does not apply
 Settings = Mapping[str, object]
 _CONNECT_TIMEOUT_S = 10.0
-_THREADS = 8  # of a session with a link
+_THREADS = 8  # of a connected session
 NO_SETTINGS: Settings = MappingProxyType({})
-# of a router for ROS nodes: they are peers, and hear one another after a router has told each of the others
+# for a router of ROS nodes: they are peers and find one another by the gossip of the router
 INTRODUCES_PEERS: Settings = MappingProxyType({"scouting/gossip/enabled": True})
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,  # no scouting, so open at once
     "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
-    "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
+    "queries_default_timeout": 3000,  # ms; a frozen publisher delays a new subscriber by this
     "transport/link/rx/max_message_size": 512 * 2**20,
-    # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
+    # if a peer reads nothing for 1 s while buffers are full, zenoh cuts the link; the peer reconnects
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
 }
 
 
 def shared_memory_settings() -> dict[str, object]:
-    """Of any session: shared memory if there is room for the pools of all."""
+    """Settings of any session: use shared memory if the pools of all senders fit into the limit."""
     is_roomy = lockable_bytes() >= _ALL_POOLS_BYTES
     return {f"{_SHARED}/enabled": is_roomy, _POOL: POOL_BYTES, _FROM: _LARGE_BYTES}
 
@@ -58,10 +58,10 @@ def shared_memory_settings() -> dict[str, object]:
 def shared_memory_of_run(
     has_camera: bool, sends_frames: bool, process_number: int = 0
 ) -> dict[str, object]:
-    """Of a process of a run, or its router: where there is little room, it is the camera's alone.
+    """Settings of a process of a run or of its router; if the limit is low, only the camera gets a pool.
 
-    `sends_frames`: of the first camera; the pool of one that died still counts. `has_camera`: whether a
-    process of the run sends the frames. Those of another program may be in any pool, so sockets carry them.
+    `sends_frames`: whether this is the run's first camera process; the pool of a dead one still counts.
+    `has_camera`: whether a process of the run sends the frames; frames of other programs go by socket.
     """
     lockable = lockable_bytes()
     if lockable >= _ALL_POOLS_BYTES:
@@ -79,7 +79,7 @@ def most_pool_bytes() -> int:
 
 
 def lockable_bytes() -> int:
-    """How much memory this process may lock."""
+    """The memory that this process may lock."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     return sys.maxsize if limit == resource.RLIM_INFINITY or _is_exempt() else limit
 
@@ -93,12 +93,12 @@ def _is_exempt() -> bool:
 def open_router(
     *endpoints: str, settings: Settings = NO_SETTINGS, expected: str = "a free port"
 ) -> zenoh.Session:
-    """The router of a run, listening on `endpoints` only (such as `tcp/127.0.0.1:7447`).
+    """Open the router of a run; it listens on `endpoints` only (such as `tcp/127.0.0.1:7447`).
 
-    `settings`: of zenoh, beside those of this system. `expected`: what the error of a taken port advises.
+    `settings`: further zenoh settings. `expected`: end of the error if the port is taken.
 
     Raises:
-        UserError: the port is taken, it is no zenoh endpoint, or no threads can be started.
+        UserError: the port is taken, the endpoint is invalid, or no threads can start.
         OutOfMemoryError: /dev/shm is full.
     """
     _expect_threads()
@@ -123,11 +123,10 @@ def open_router(
 def open_client(
     endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S, settings: Settings = NO_SETTINGS
 ) -> zenoh.Session:
-    """A client session that is connected to the router at `endpoint`.
+    """Open a client session with the router at `endpoint`.
 
     Raises:
-        UserError: no router answers there within `timeout_s`, it does not take this client, or no
-            threads can be started.
+        UserError: no router answers within `timeout_s`, it refuses this client, or no threads can start.
         OutOfMemoryError: /dev/shm is full.
     """
     _expect_threads()
@@ -150,13 +149,13 @@ def open_client(
     while not session.info.routers_zid():
         if time.monotonic() > deadline:
             session.close()
-            raise UserError(f"zenoh endpoint {endpoint}: no router within {timeout_s:g} s")
+            raise UserError(f"zenoh endpoint {endpoint}: expected a router within {timeout_s:g} s")
         time.sleep(0.005)
     return session
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint whose port is free now."""
+    """A loopback endpoint with a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -170,7 +169,7 @@ def _config(settings: Settings) -> zenoh.Config:
 
 
 def _expect_threads() -> None:
-    """Start as many threads as a session does, and let them end: zenoh panics or aborts without them."""
+    """Check that a session can start its threads: zenoh panics or aborts if it cannot."""
     is_over = threading.Event()
     started: list[threading.Thread] = []
     try:
@@ -180,7 +179,7 @@ def _expect_threads() -> None:
             started.append(thread)
     except RuntimeError as error:
         raise UserError(
-            f"zenoh: {error}: expected room for {_THREADS} more (ulimit -u; docker: --pids-limit)"
+            f"zenoh: {error}: expected room for {_THREADS} more threads (ulimit -u; docker: --pids-limit)"
         ) from None
     finally:
         is_over.set()
@@ -192,13 +191,13 @@ def _expect_shared_memory(reason: str) -> None:
     if "shm segment" in reason:
         shm = os.statvfs("/dev/shm")
         raise OutOfMemoryError(
-            f"/dev/shm: zenoh needs thousands of bytes for a session, {shm.f_bavail * shm.f_frsize} "
-            f"are free: expected more shared memory (docker: --shm-size) ({reason})"
+            f"/dev/shm: a zenoh session needs some kilobytes, {shm.f_bavail * shm.f_frsize} bytes are "
+            f"free: expected more shared memory (docker: --shm-size) ({reason})"
         ) from None
 
 
 def _reason(error: Exception) -> str:
-    """What the operating system says, or zenoh's own words without the places in its source."""
+    """The error of the operating system, or zenoh's text without source locations."""
     text = str(error).splitlines()[0]
     if said := re.search(r"([A-Z][a-z ]+) \(os error \d+\)", text):
         return said[1]

@@ -55,7 +55,7 @@ def test_an_answer_of_another_type_is_not_understood(endpoint):
 
         queryable = service.declare_queryable("hsslam/r/rpc/**", answer)
         _until_known(endpoint)
-        with pytest.raises(RefusedError, match="answer not understood"):
+        with pytest.raises(RefusedError, match="cannot decode the answer"):
             ask(endpoint, "r", PAUSE, Ask())
         queryable.undeclare()
 
