@@ -1,1 +1,1 @@
-"""Frames from any source, and when they are published."""
+"""Reads frames from any source and times their publication."""

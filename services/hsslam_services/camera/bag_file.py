@@ -1,4 +1,4 @@
-"""A ROS bag on disk: its topics, and their messages one by one, not decoded."""
+"""A ROS bag on disk: its topics and their messages, not decoded."""
 
 import contextlib
 import struct
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Ros1Reader
     from rosbags.rosbag2 import Reader as Ros2Reader
 
-_STAMP_AT = 4  # behind the 4 bytes that say CDR, and behind the number of a ROS 1 header
+_STAMP_AT = 4  # byte after the header of CDR, or after the sequence number of ROS 1
 _LONGEST_REASON = 200
 
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic of a bag, and how many messages it has."""
+    """A topic of a bag."""
 
     name: str
-    type_name: str  # as sensor_msgs/msg/Image, also in a bag of ROS 1
+    type_name: str  # such as sensor_msgs/msg/Image, for ROS 1 too
     message_count: int
 
     def __str__(self) -> str:
@@ -34,7 +34,7 @@ class BagTopic:
 
 @dataclass(frozen=True)
 class BagMessage:
-    """A message that begins with a header, as the bag has it."""
+    """An encoded message that begins with a header."""
 
     topic: str
     type_name: str
@@ -45,18 +45,17 @@ class BagMessage:
 class BagFile:
     """A folder with `metadata.yaml`, a `.mcap` or `.db3` of ROS 2, or a `.bag` of ROS 1.
 
-    The package rosbags reads it, chunk by chunk. The definitions of messages in the bag are left aside:
-    those of sensor_msgs are known.
+    The package rosbags reads it, chunk by chunk. The message definitions in the bag are ignored.
 
     Raises:
-        UserError: rosbags is not installed, no bag there, or it is damaged.
+        UserError: rosbags is not installed, or the bag is missing or damaged.
     """
 
     def __init__(self, place: str) -> None:
         self.name = f"bag:{place}"
         self._path = user_path(place)
         self._is_ros1 = self._path.suffix == ".bag"
-        self._has_stamps: dict[str, bool] = {}  # by topic, of those that were read
+        self._has_stamps: dict[str, bool] = {}  # by topic, as far as known
         self.decode = CdrMessages(f"source {self.name}", self._is_ros1)
         if not self._path.exists():
             raise UserError(
@@ -74,9 +73,9 @@ class BagFile:
             )
 
     def messages(self, topics: Collection[str]) -> Generator[BagMessage, None, None]:
-        """The messages of these topics in the order in which they were recorded.
+        """The messages of these topics in the order of recording.
 
-        Where all headers of a topic have stamp 0, its messages have the times at which they were recorded.
+        If all headers of a topic have stamp 0, its messages get their times of recording.
 
         Raises:
             UserError: the bag is damaged.
@@ -88,10 +87,10 @@ class BagFile:
                 yield BagMessage(topic, type_name, stamp_ns, payload)
 
     def static_transforms(self) -> StaticTransforms:
-        """All of `/tf_static`; none if the bag has no such topic.
+        """All transforms of `/tf_static`; empty if the bag lacks this topic.
 
         Raises:
-            UserError: one of them is no transform, or the bag is damaged.
+            UserError: a message is no transform, or the bag is damaged.
         """
         found = StaticTransforms()
         with self._reported():
@@ -103,7 +102,7 @@ class BagFile:
         return found
 
     def _without_stamps(self, topics: Collection[str]) -> set[str]:
-        """Those of which all headers have stamp 0; reads until each of the others has another stamp."""
+        """The topics whose headers all have stamp 0; reads until all other topics have shown a stamp."""
         unknown = {t.name for t in self.topics if t.name in topics and t.message_count}
         unknown -= self._has_stamps.keys()
         zero = set(unknown)
@@ -134,7 +133,7 @@ class BagFile:
         return Ros1Reader(self._path) if self._is_ros1 else Ros2Reader(self._path)
 
     def _stamp_ns(self, payload: bytes) -> int:
-        """Of the header, without the rest of the message."""
+        """Stamp of the header, ns, without decoding the message."""
         is_big_endian = not self._is_ros1 and payload[1:2] == b"\0"
         order = ">" if is_big_endian else "<"
         seconds, nanoseconds = struct.unpack_from(f"{order}iI", payload, _STAMP_AT)
@@ -142,7 +141,7 @@ class BagFile:
 
     @contextlib.contextmanager
     def _reported(self) -> Iterator[None]:
-        """Damaged bytes let rosbags and its decoders raise many kinds of errors: all are one line here."""
+        """Turn each error of rosbags into a `UserError`: damaged bytes raise many kinds of errors."""
         try:
             yield
         except UserError:

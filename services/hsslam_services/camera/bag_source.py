@@ -25,13 +25,12 @@ from hsslam_services.ros2.static_transforms import StaticTransforms
 
 
 class BagSource(ReadsInTime):
-    """The camera of a bag: colour and the depth nearest to it, with the stamps of the colour's headers.
+    """The camera of a bag: colour images, each with the depth nearest in time, and the stamps of colour.
 
-    Opening reads the bag through, to count its frames. Images are decoded one by one, and only those
-    that are used.
+    Opening reads the whole bag, to count its frames. It decodes an image only when a frame needs it.
 
     Raises:
-        UserError: no bag there, it is damaged, its topics fit no camera, or no frame of it is selected.
+        UserError: the bag is missing or damaged, its topics fit no camera, or no frame is selected.
     """
 
     def __init__(self, place: str, options: SourceOptions) -> None:
@@ -52,7 +51,7 @@ class BagSource(ReadsInTime):
         pairs = self._new_pairs()
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
         if not stamps_ns:
-            raise UserError(f"source {self._bag.name}: no colour with its depth{_why_none(pairs)}")
+            raise UserError(f"source {self._bag.name}: no colour-depth pair{_why_none(pairs)}")
         self._options = options
         self._rows = options.selected(len(stamps_ns))
         if not self._rows:
@@ -66,7 +65,7 @@ class BagSource(ReadsInTime):
         self.rate_hz = median_rate_hz([stamps_ns[row] for row in self._rows])
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Selected frames that are not late; one that cannot be decoded comes as a `BadFrame`.
+        """The selected frames; a `LateFrame` for a late frame, a `BadFrame` for one that cannot be decoded.
 
         Raises:
             UserError: the bag was damaged after it was opened.
@@ -90,7 +89,7 @@ class BagSource(ReadsInTime):
                     return
 
     def _first_pair(self) -> tuple[RawImage, RawImage] | None:
-        """The first that can be decoded; None if the first ones cannot."""
+        """The first pair that can be decoded; None if none of the first 30 can."""
         with contextlib.closing(self._paired(self._new_pairs())) as pairs:
             for messages in islice(pairs, MOST_BROKEN):
                 with contextlib.suppress(BadImageError):
@@ -99,7 +98,7 @@ class BagSource(ReadsInTime):
         return None
 
     def _images(self, color: BagMessage, depth: BagMessage) -> tuple[RawImage, RawImage]:
-        """Both, not decoded yet, with the stamps of the messages; raises BadImageError."""
+        """Both images, not decoded yet, with the stamps of the messages; raises BadImageError."""
         color_image, depth_image = (
             replace(self._bag.decode.image(m.payload, m.type_name), stamp_ns=m.stamp_ns)
             for m in (color, depth)
@@ -110,7 +109,7 @@ class BagSource(ReadsInTime):
         return StampPairs(round(1e6 * self._max_dt_ms))
 
     def _sensors(self) -> dict[str, RosOdometry | RosImu]:
-        """Those beside the camera, by topic."""
+        """Sensors beside the camera, by topic."""
         sensors: dict[str, RosOdometry | RosImu] = {}
         if topic := self._odometry_topic:
             sensors[topic] = RosOdometry(self._options, clock_watch(topic, self.reports.add))
@@ -125,7 +124,7 @@ class BagSource(ReadsInTime):
         pairs: StampPairs[BagMessage],
         sensors: Mapping[str, RosOdometry | RosImu] = MappingProxyType({}),
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
-        """(colour, depth) in the order of the bag; `sensors` take the messages that come before."""
+        """Pairs (colour, depth) in the order of the bag; `sensors` take the messages before each pair."""
         for message in self._bag.messages((self._color, self._depth, *sensors)):
             if message.topic in sensors:
                 self._take(message, sensors[message.topic])
@@ -154,4 +153,4 @@ class BagSource(ReadsInTime):
 def _why_none(pairs: StampPairs[BagMessage]) -> str:
     if pairs.nearest_ns is None:
         return ""
-    return f": they are {pairs.nearest_ns / 1e6:.1f} ms apart: expected less, or --bag.max-dt-ms"
+    return f": they are {pairs.nearest_ns / 1e6:.1f} ms apart: expected less, or --bag.max-dt-ms MS"

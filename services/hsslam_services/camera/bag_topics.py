@@ -1,4 +1,4 @@
-"""Which topics of a bag are colour, depth and intrinsics of the camera."""
+"""Finds the topics of a bag with colour, depth and intrinsics of the camera."""
 
 import contextlib
 import re
@@ -23,7 +23,7 @@ _SAME_K_PX = 1.0
 
 @dataclass(frozen=True)
 class BagCamera:
-    """The topics of one camera, and what their first messages say."""
+    """The topics of one camera, its intrinsics and its first images."""
 
     color: str
     depth: str
@@ -32,13 +32,12 @@ class BagCamera:
 
 
 def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
-    """The topics that the options name; without a name the only one that fits.
+    """Find the topics of the camera: those that the options name, else the only ones that fit.
 
-    Of several depth topics the one that is called aligned or registered is taken. Grey images are
-    colour if no others are there.
+    Prefers depth topics with "aligned" or "registered" in their names, and colour images to grey ones.
 
     Raises:
-        UserError: none or several fit, or depth is not registered to colour; names all topics.
+        UserError: no or several topics fit, or depth is not registered to colour; names all topics.
     """
     firsts = _first_messages(bag)
     images = _images(bag, firsts)
@@ -58,10 +57,10 @@ def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
 
 
 def odometry_topic(bag: BagFile, options: BagOptions) -> str:
-    """The topic that the options name; empty if they name none.
+    """The odometry topic that the options name; empty if they name none.
 
     Raises:
-        UserError: the bag has no such topic of odometry; names all topics.
+        UserError: the bag has no such topic; names all topics.
     """
     if not options.odometry:
         return ""
@@ -70,11 +69,12 @@ def odometry_topic(bag: BagFile, options: BagOptions) -> str:
 
 
 def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
-    """The topic that the options name; empty if they name none, unless it is known how the IMU is mounted:
-    then the only one that the bag has.
+    """The IMU topic that the options name; else the only one of the bag if `is_mounted`, else empty.
+
+    `is_mounted`: the pose of the IMU in the camera is known.
 
     Raises:
-        UserError: the bag has no such topic of an IMU, or several; names all topics.
+        UserError: the bag has no such topic, or several; names all topics.
     """
     of_kind = [topic.name for topic in bag.topics if topic.type_name == IMU and topic.message_count]
     if options.imu or (is_mounted and of_kind):
@@ -83,7 +83,7 @@ def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
-    """The first message of each topic with images or intrinsics, by the order of their names."""
+    """The first message of each topic with images or intrinsics, sorted by topic."""
     missing = {
         topic.name
         for topic in bag.topics
@@ -101,7 +101,7 @@ def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
 
 
 def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
-    """The first image of each topic whose first message is one."""
+    """The first image of each topic whose first message is an image."""
     images = {}
     for name, message in firsts.items():
         with contextlib.suppress(BadImageError):
@@ -112,7 +112,7 @@ def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
 def _chosen(
     bag: BagFile, option: str, asked: str, fitting: Sequence[str], known: Sequence[str] | dict
 ) -> str:
-    """The topic that is asked for, of those `known`; else the only fitting one."""
+    """The topic `asked`, if it is one of `known`; if `asked` is empty, the only fitting topic."""
     if asked:
         found = [name for name in known if name.strip("/") == asked.strip("/")]
         problem = f"--bag.{option} {asked}: no such topic"
@@ -129,8 +129,8 @@ def _chosen(
 
 
 def _info_beside(topic: str, infos: Sequence[str]) -> list[str]:
-    """The camera_info of an image topic: in ROS its neighbour, in a RealSense's own recording
-    `.../info/camera_info` of `.../image/data`."""
+    """The camera_info of an image topic: its neighbour in ROS; in recordings of the RealSense SDK
+    `.../info/camera_info` for `.../image/data`."""
     image = topic.removesuffix("/compressed").removesuffix("/compressedDepth")
     folder = image.rpartition("/")[0]
     names = (f"{folder}/camera_info", f"{folder.removesuffix('/image')}/info/camera_info")
@@ -145,7 +145,7 @@ def _camera(bag: BagFile, message: BagMessage, is_rectified: bool) -> Camera:
 
 
 def _expect_same_K(bag: BagFile, color: BagMessage, depth: BagMessage) -> None:
-    """Depth that is registered to colour is published with the intrinsics of colour."""
+    """Raise UserError unless depth has the intrinsics of colour, as registered depth does."""
     K_color, K_depth = (_camera(bag, message, is_rectified=False).K for message in (color, depth))
     if np.abs(K_color - K_depth).max() > _SAME_K_PX:
         of_depth, of_color = (

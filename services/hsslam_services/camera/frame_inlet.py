@@ -1,4 +1,4 @@
-"""Which frames tracker and recorder take from the bus."""
+"""Decides which frames tracker and recorder accept from the bus."""
 
 from pathlib import Path
 
@@ -9,11 +9,11 @@ from hsslam_services.run.camera_progress import CameraProgress
 
 
 class FrameInlet:
-    """Refuses frames that cannot be of the run's camera; the topic counts them as rejected.
+    """Refuses frames of other cameras and frames with absurd indices; the topic counts them as rejected.
 
-    If the run has a camera process, frames of others are refused. That process writes its number to
-    `camera_arena`. A camera outside is known by the number in its frames, else by the publisher of their
-    attachments.
+    If the run has a camera process, it writes its publisher number to `camera_arena`, and frames of all
+    other publishers are refused. An external camera is identified by the number in its frames, else by
+    that in their attachments.
     """
 
     def __init__(
@@ -22,10 +22,10 @@ class FrameInlet:
         self._frames = frames
         self._order = order
         self._camera_arena = camera_arena
-        self._camera = 0  # number of the run's own camera, once it has sent anything
+        self._camera = 0  # publisher number of the run's own camera; 0: not known yet
 
     def admit(self, received: Received[Frame]) -> Place | None:
-        """Where a frame stands among those of its camera; None if it is refused."""
+        """The place of a frame in the sequence of its camera; None if the frame is refused."""
         frame, envelope = received.message, received.envelope
         publisher = frame.publisher or (envelope.publisher if envelope else 0)
         if self._camera_arena and not self._is_own(self._camera_arena, publisher):
@@ -40,14 +40,14 @@ class FrameInlet:
         return place
 
     def takes(self, received: Received[Frame]) -> bool:
-        """Whether a frame is admitted; it is done with then."""
+        """Whether a frame is admitted; marks it as taken."""
         place = self.admit(received)
         if place is not None and place.kind == "new":
             self._order.take(place)
         return place is not None
 
     def _is_own(self, arena: Path, publisher: int) -> bool:
-        """Whether the frame is of the run's camera, which leaves its number before the first frame."""
+        """Whether the frame is of the run's camera, which writes its number before its first frame."""
         if not self._camera and CameraProgress.exists(arena):
             self._camera = CameraProgress.read(arena).publisher
         return publisher == self._camera

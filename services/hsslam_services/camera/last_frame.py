@@ -1,4 +1,4 @@
-"""The end of a camera waits for the log, apart from its pace: frames on their way go with its memory."""
+"""Waits until the last frame is in the log: the camera's memory holds it; apart, as all paces need it."""
 
 import time
 
@@ -6,11 +6,11 @@ from hsslam_proto import topics
 from hsslam_services.launch.worker import Worker
 
 _POLL_S = 0.05
-_PATIENCE_S = 2.0  # for a recorder that is dead, or far behind
+_PATIENCE_S = 2.0  # longest wait for a recorder that is dead or far behind
 
 
 class LastFrame:
-    """Hears from the recorder that the last frame is in the log; made before the first frame goes out."""
+    """Waits until the recorder reports the last frame as logged; create it before the first frame is sent."""
 
     def __init__(self, worker: Worker, patience_s: float = _PATIENCE_S) -> None:
         self._worker = worker
@@ -18,9 +18,9 @@ class LastFrame:
         self._steps = worker.bus.subscribe(topics.STEP, 16)
 
     def wait_until_logged(self, publisher: int, index: int) -> None:
-        """Return when the recorder has this frame or a later one, or after `patience_s`.
+        """Wait until the recorder has logged this frame or a later one, at most `patience_s`.
 
-        The recorder answers once it has heard that the source has ended.
+        The recorder reports this after the end of the source.
         """
         give_up_s = time.monotonic() + self._patience_s
         while time.monotonic() < give_up_s and not self._worker.is_orphan():

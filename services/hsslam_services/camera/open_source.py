@@ -1,4 +1,4 @@
-"""From the text after `--source` to a source, also those that need the bus or a log."""
+"""Opens the source of `--source`, including those that need the bus or a log."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,21 +17,21 @@ def open_any_source(
     options: SourceOptions | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Source:
-    """As `open_source`, and besides the sources of the service: logs and ROS 2 cameras.
+    """As `open_source`, with the sources of the service as well: logs and ROS 2 cameras.
 
     Raises:
-        UserError: no such source, its files are not there, or its camera makes no sense.
+        UserError: unknown source, missing files, or an invalid camera.
     """
     return open_source(spec, options, should_stop, ALL_SOURCES)
 
 
 def check_source_exists(options: ServeOptions) -> None:
-    """Open the source and leave it; a published sequence that is not on disk is fetched.
+    """Check that the source opens; downloads a published sequence that is not on disk.
 
-    A live camera is left to the camera process: only one can have it, and it may need our router.
+    Does not open a live camera: only one process can have it, and it may need the router of this run.
 
     Raises:
-        UserError: no such source, its files or camera are missing or wrong, or it cannot have `--rate-hz`.
+        UserError: unknown source, missing or invalid files or camera, or `--rate-hz` does not apply to it.
     """
     if options.rate_hz is not None:
         refuse_rate(options.source, options.rate_hz)
@@ -43,4 +43,4 @@ def check_source_exists(options: ServeOptions) -> None:
     elif options.has_camera_process:
         source = open_any_source(options.source, replace(options.source_options, noise="none"))
         if source.frame_count == 0:
-            raise UserError(f"--start {options.start}: source {options.source} has no more frames")
+            raise UserError(f"--start {options.start}: source {options.source} has fewer frames")

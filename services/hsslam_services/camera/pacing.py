@@ -1,4 +1,4 @@
-"""When the camera sends a frame: on the sensor's clock, or when the last one is done with."""
+"""Paces of the camera: send each frame when the last one is done (lockstep), or at once (live)."""
 
 import time
 from typing import Protocol
@@ -19,10 +19,9 @@ _POLL_S = 0.05
 
 
 class Pace(Protocol):
-    """Decides when a frame goes out; `send` returns when the next one may be prepared.
+    """Decides when to send a frame; `send` returns when the next frame may be prepared.
 
-    `is_late`: whether a frame of a recording, which is about to be read, comes too late; another thread may
-    ask it.
+    `is_late`: whether a frame of a recording, which is about to be read, would be too late; thread-safe.
     """
 
     def wait_for_peers(self) -> None: ...
@@ -37,9 +36,9 @@ class Pace(Protocol):
 
 
 class Lockstep:
-    """Sends frame k+1 when mapping and BA of frame k are done, and the recorder keeps up.
+    """Sends frame k+1 when mapping and BA of frame k are done and the recorder keeps up.
 
-    A frame is sent again when a process that may owe the answer was restarted, or after 30 s.
+    Sends a frame again after a restart of a process that may owe the answer, or after 30 s.
     """
 
     def __init__(self, worker: Worker, frames: Publisher, publisher: int) -> None:
@@ -51,22 +50,22 @@ class Lockstep:
         self._lag = LogLag(has_recorder=False)
 
     def wait_for_peers(self) -> None:
-        """Wait until all processes that a step needs take work."""
+        """Wait until all processes that take part in a step take work."""
         self._peers.wait((*NEEDED, "global_ba"), OTHERS, self._worker)
         self._lag = LogLag(all(map(self._peers.has_heard, OTHERS)))
 
     def held(self, seconds: float) -> None:
-        """Nothing to do: a step takes as long as it takes."""
+        """Nothing to do: there is no clock."""
 
     def is_late(self, index: int, source_ns: int) -> bool:
-        """Never: every frame is waited for."""
+        """Never: the run waits for each frame."""
         return False
 
     def begin_map_epoch(self) -> None:
-        """Nothing to do: the next frame waits for its map anyway."""
+        """Nothing to do: the next frame waits for the new map anyway."""
 
     def send(self, frame: Frame) -> None:
-        """Publish, and wait for the step `done` of this frame."""
+        """Publish a frame, and wait for its step `done`."""
         message = frame_message(frame, time.time_ns(), self._publisher)
         self._frames.put(message)
         self._lag.sent(self._publisher, frame.index)
@@ -90,7 +89,7 @@ class Lockstep:
 
 
 class Live:
-    """Sends the frames of a live camera at once, with the time at which they came."""
+    """Sends the frames of a live camera at once, stamped with the time of arrival."""
 
     def __init__(
         self, worker: Worker, frames: Publisher, publisher: int, sensors: RobotSensors
@@ -106,17 +105,17 @@ class Live:
         self._peers.wait(NEEDED, OTHERS, self._worker)
 
     def held(self, seconds: float) -> None:
-        """Nothing to do: what came meanwhile is gone."""
+        """Nothing to do: frames during a pause are lost."""
 
     def is_late(self, index: int, source_ns: int) -> bool:
-        """Never: a live camera is asked for its newest frame."""
+        """Never: a live camera delivers its newest frame."""
         return False
 
     def begin_map_epoch(self) -> None:
         """Nothing to do: a live camera waits for no map."""
 
     def send(self, frame: Frame) -> None:
-        """Publish; the tracker takes the newest."""
+        """Publish a frame; the tracker takes the newest."""
         stamp_ns = time.time_ns()
         frame = self._sensors.given(frame, stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns, self._publisher))

@@ -1,4 +1,4 @@
-"""An iterator that runs ahead in its own thread, by a bounded number of items."""
+"""An iterator that computes a bounded number of items ahead in its own thread."""
 
 import queue
 import threading
@@ -8,14 +8,14 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 _END = object()
 _POLL_S = 0.2
-_CLOSE_S = 5.0  # an item may take longer, as a log that is read up to the frame to go on with
+_CLOSE_S = 5.0  # an item may take longer, such as the first one of a log that resumes late
 
 
 class Prefetch(Generic[T]):
-    """Iterate over `items`, computed up to `depth` ahead; an error of theirs is raised here.
+    """Iterates over `items`, computed up to `depth` ahead; re-raises their errors.
 
-    `close` lets the thread go when the consumer stops early, and waits some seconds for it. `waiting` is
-    called several times a second while the next item is not there; if it returns True, the iteration ends.
+    `close` stops the thread, for a consumer that stops early. While there is no next item, `waiting` is
+    called every 0.2 s; if it returns True, the iteration ends.
     """
 
     def __init__(

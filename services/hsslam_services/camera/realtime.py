@@ -1,4 +1,4 @@
-"""Frames of a recording on the sensor's clock, whatever the wall clock does."""
+"""Sends the frames of a recording on the sensor's clock, unaffected by changes of the wall clock."""
 
 import time
 
@@ -15,18 +15,18 @@ from hsslam_services.run.camera_progress import CameraProgress
 _POLL_S = 0.05
 _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
-_LATE = 0.5  # periods behind its time
+_LATE = 0.5  # periods after its time
 NEEDED = ("tracker", "mapper")
-OTHERS = ("recorder",)  # logs from the first frame on, if it can
+OTHERS = ("recorder",)  # logs from the first frame if it starts in time
 
 
 class Realtime:
-    """Sends frames when the sensor would have; the clock starts when the first map is there.
+    """Sends each frame when the sensor would have; the sensor's clock starts when the first map exists.
 
-    `clock_scale` stretches the source's stamps to another rate, `period_s` apart. A gap in the stamps is
-    waited out for 1 s (or three frames of a slow sensor), and reported, as is a step back. A source that
-    cannot be read as fast as its sensor was leaves out frames, so that the others come in time; if it cannot
-    leave them out, its clock is moved once it is 1 s behind.
+    `clock_scale` stretches the source's stamps to another rate, `period_s` apart. At a gap in the stamps it
+    waits at most 1 s (or three periods of a slow sensor). It reports gaps and steps back. A source that is
+    slower than its sensor leaves out frames, so that the others come in time; if the source cannot leave
+    them out, its clock is set back once it is 1 s behind.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Realtime:
         self._sensors = sensors
         self._longest_wait_ns = max(_LONGEST_WAIT_NS, round(3e9 * period_s))
         self._late_ns = round(_LATE * 1e9 * period_s)
-        self._read_ns = -1  # stamp of the frame that was read last
+        self._read_ns = -1  # stamp of the last frame that was read
         self._steps_read = self._steps_sent = 0  # steps back in the stamps
         self._wall = WallClock()
         self._maps = worker.bus.subscribe(topics.MAP, 1)
@@ -53,13 +53,13 @@ class Realtime:
         self._peers = Peers(worker.bus)
 
     def wait_for_peers(self) -> None:
-        """Wait until tracker, mapper and recorder take work, unless frames were sent before."""
+        """Wait until tracker, mapper and recorder take work, unless the clock runs already."""
         if not self._progress.pinned_ns:
             self._peers.wait(NEEDED, OTHERS, self._worker)
 
     def send(self, frame: Frame) -> None:
-        """Publish at the frame's time. Until there is a map, one frame at a time, answered, and sent again if
-        the tracker does not get it."""
+        """Publish at the frame's time. Before the first map, publish one frame at a time, wait for its pose,
+        and send it again if the tracker does not get it."""
         if not self._progress.pinned_ns:
             self._send_until_answered(frame)
             return
@@ -70,9 +70,9 @@ class Realtime:
         self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher))
 
     def is_late(self, index: int, source_ns: int) -> bool:
-        """Whether the frame of this stamp, which is about to be read, is half a period late or more.
+        """Whether the frame of this stamp, which is about to be read, is late by more than half a period.
 
-        After a step back in the stamps none is late until that frame was sent, as the clock is not known.
+        After a step back in the stamps, no frame is late until `send` has set the clock by that frame.
         """
         self._steps_read += source_ns < self._read_ns
         self._read_ns = source_ns
@@ -82,15 +82,15 @@ class Realtime:
         return self._late_ns < lag_ns < _LARGEST_LAG_NS
 
     def held(self, seconds: float) -> None:
-        """The sensor's clock stood still for so long."""
+        """Shift the sensor's clock: it stood still for `seconds`."""
         if self._progress.pinned_ns:
             self._progress.pinned_ns += round(1e9 * seconds)
 
     def begin_map_epoch(self) -> None:
-        """The map was thrown away: the clock stands still until there is another."""
+        """After a reset of the map, the clock stands still until there is a new map."""
         self._progress.pinned_ns = 0
         self._maps.drain()
-        self._peers.restarted()  # known: they take work
+        self._peers.restarted()  # forget earlier restarts
 
     def _send_until_answered(self, frame: Frame) -> None:
         publisher = self._progress.publisher
@@ -108,7 +108,7 @@ class Realtime:
                 self._progress.pinned_ns = time.monotonic_ns()
                 return
             if "lost" in status:
-                return  # nothing to start a map on, or another place: the next frame may do
+                return  # no map can start here, or another place: try the next frame
             has_restarted = self._peers.restarted()
             if has_restarted or self._peers.has_missed("tracker", before, sent_s):
                 self._worker.count("resent")
@@ -116,8 +116,7 @@ class Realtime:
                 sent_s = time.monotonic()
 
     def _due_ns(self, frame: Frame) -> int:
-        """Monotonic time of the frame, ns. A source slower than its sensor, a gap and a step back in its
-        stamps move the clock."""
+        """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""
         source_ns = round(frame.stamp_ns * self._scale)
         wait_ns = self._progress.due_ns(source_ns) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
@@ -125,7 +124,7 @@ class Realtime:
             self._steps_sent += 1
             self._worker.count("steps back")
             back_s = (self._progress.last_source_ns - frame.stamp_ns) / 1e9
-            self._report(frame, f"its stamp is {back_s:g} s before the last one's")
+            self._report(frame, f"its stamp is {back_s:g} s before the previous one")
         if wait_ns > self._longest_wait_ns:
             self._progress.pinned_ns -= wait_ns - self._longest_wait_ns
             self._worker.count("gaps")
@@ -139,12 +138,12 @@ class Realtime:
                 self._worker.count("clock_shifts")
                 if self._worker.counters["clock_shifts"] == 1:
                     self._report(
-                        frame, "frames of the source come late: the clock of the sensor is set back"
+                        frame, "the source is slower than its sensor: its clock is set back"
                     )
         return self._progress.due_ns(source_ns)
 
     def _stamp_ns(self, due_ns: int) -> int:
-        """The wall clock at a monotonic time."""
+        """The wall clock at a monotonic time, ns."""
         stepped_s = self._wall.follow()
         if stepped_s:
             self._worker.count("wall clock steps")

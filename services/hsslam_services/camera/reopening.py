@@ -1,4 +1,4 @@
-"""A source that is away for a while: opened again with growing pauses, once it has given frames."""
+"""Reopens a source that was lost after it had given frames, with growing pauses."""
 
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
@@ -15,20 +15,20 @@ from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
 
-MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # of a source that had given frames
+MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # once it has given frames
 
 
 def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> Source | None:
-    """The run's source; None if the worker must stop before it is there.
+    """Open the run's source; None if the worker must stop first.
 
-    `had_frames`: it worked before in this run, so that what is wrong now may pass; a camera that came back
-    with other intrinsics than the keyframes have is wrong, too. `after`: frames that a live camera gave
-    before; `--start` skips none again, and `--frames` counts them.
+    `had_frames`: the source has given frames in this run; retry on errors, and if the camera has other
+    intrinsics than the keyframes. `after`: number of frames that a live camera gave; `--start` is not
+    applied again, and `--frames` counts them.
 
     Raises:
-        UserError: it cannot be opened and gave no frame yet.
+        UserError: the source cannot be opened and gave no frame yet.
     """
-    told = ""
+    reported = ""
     for _ in worker.tries():
         try:
             options = _rest(worker.run.source_options, after)
@@ -37,36 +37,36 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
                 _expect_same_camera(worker, source)
             return source
         except MAY_PASS as error:
-            if worker.should_stop():  # while it waited for a live camera
+            if worker.should_stop():  # stopped while opening a live camera
                 return None
             if not had_frames:
                 raise
-            if str(error) != told:
-                told = str(error)
-                worker.event("warning", f"{told}; tried again until it is right")
+            if str(error) != reported:
+                reported = str(error)
+                worker.event("warning", f"{reported}: the camera tries again")
         worker.count("opened in vain")
     return None
 
 
 def _expect_same_camera(worker: Worker, source: Source) -> None:
-    """Raises UserError if the run has keyframes of another camera; a live camera is let go then."""
+    """Raise UserError, and release a live camera, if the run has keyframes of another camera."""
     try:
         keyframes = KeyframeStore(ArenaView(Path(worker.run.arena_dir)))
     except KeyError:  # none yet
         return
     if difference := camera_difference(source, keyframes):
         for _ in source.frames():
-            break  # its end lets the camera go, once it has begun
+            break  # the end of a started iterator releases the camera
         raise UserError(f"source {source.name}: {difference} as in the keyframes")
 
 
 def live_frames(
     worker: Worker, source: Source, first: int
 ) -> Generator[Frame | BadFrame, None, None]:
-    """Frames of a live camera, numbered from `first`; one that is lost is opened again.
+    """Frames of a live camera, numbered from `first`; reopens a lost camera.
 
     Raises:
-        UserError: it fails before its first frame.
+        UserError: the camera fails before its first frame.
     """
     index, used = first, 0
     opened: Source | None = source
@@ -79,7 +79,7 @@ def live_frames(
         except MAY_PASS as error:
             if used == 0 and first == 0:
                 raise
-            worker.event("warning", f"{error}: the source is opened again")
+            worker.event("warning", f"{error}: the camera opens the source again")
             worker.count("reopened")
         if index == worker.options.frames:
             return
@@ -90,7 +90,7 @@ def live_frames(
 def with_reports(
     worker: Worker, source: Source, items: Iterable[Frame | BadFrame]
 ) -> Iterator[Frame | BadFrame]:
-    """The items of a source; what it has to tell beside them is counted and told to the operator."""
+    """The items of a source; sends its reports as warnings and counts them."""
     reports = reports_of(source)
     for item in items:
         for report in reports.take():
@@ -101,6 +101,6 @@ def with_reports(
 
 
 def _rest(options: SourceOptions, after: int) -> SourceOptions:
-    """The options of a live camera that has given frames."""
+    """The options to reopen a live camera that has given `after` frames."""
     left = options.frames and options.frames - after
     return replace(options, start=0, frames=left) if after else options

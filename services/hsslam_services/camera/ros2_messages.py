@@ -18,24 +18,24 @@ from hsslam_services.ros2.type_store import open_type_store
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO = "sensor_msgs/msg/CameraInfo"
-_LENSES: dict[str, tuple[LensModel, int]] = {  # by ROS's names, and the coefficients that they have
+_LENSES: dict[str, tuple[LensModel, int]] = {  # name in ROS: model, number of coefficients
     "plumb_bob": ("opencv", 5),
-    "rational_polynomial": ("opencv", 5),  # further ones only if they are not all 0
+    "rational_polynomial": ("opencv", 5),  # more if the others are not all 0
     "equidistant": ("equidistant", 4),
 }
 
 
 def check_ros2(name: str, options: SourceOptions) -> None:
-    """Raises UserError if `name` is no ROS 2 namespace, or if rosbags is missing."""
+    """Raise UserError if `name` is no ROS 2 namespace, or if rosbags is not installed."""
     options.ros2.topics_under(name)
     CdrMessages()
 
 
 class CdrMessages:
-    """Decodes with the package rosbags; `is_ros1`: what ROS 1 sent, which is no CDR.
+    """Decodes messages with the package rosbags; `is_ros1`: in the format of ROS 1 instead of CDR.
 
     Raises:
-        UserError: it is not installed.
+        UserError: rosbags is not installed.
     """
 
     def __init__(self, who: str = "source ros2", is_ros1: bool = False) -> None:
@@ -76,7 +76,7 @@ class CdrMessages:
 
         Raises:
             BadImageError: another type, or not such a message.
-            UserError: the numbers are no camera, or of a lens model that is not known.
+            UserError: invalid numbers, or an unknown lens model.
         """
         if type_name != INFO:
             raise BadImageError(f"message of type {type_name or 'unknown'}: expected {INFO}")
@@ -126,18 +126,17 @@ class CdrMessages:
 
 
 def _numbers(info: Any, name: str) -> list[float]:
-    """A matrix or list of `CameraInfo`; ROS 1 names it by a capital."""
+    """A matrix or list of `CameraInfo`; its name is upper case in ROS 1."""
     return [float(v) for v in getattr(info, name if hasattr(info, name) else name.upper())]
 
 
 def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
-    """OpenCV's coefficients, without further ones that are all 0, and their model."""
+    """OpenCV's coefficients, without trailing ones that are all 0, and their model."""
     if not any(lens):
         return (), "opencv"
     if name not in _LENSES:
         raise UserError(
-            f"camera_info.distortion_model = {name!r}: expected {', '.join(_LENSES)}, or images that are "
-            "rectified"
+            f"camera_info.distortion_model = {name!r}: expected {', '.join(_LENSES)}, or rectified images"
         )
     model, count = _LENSES[name]
     kept = lens if any(lens[count:]) else lens[:count]
@@ -146,7 +145,7 @@ def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
 
 
 def topic_keys(domain: int, topic: str) -> str:
-    """The key expression of whatever is published on a topic, `/camera/color/image_raw`."""
+    """The key expression of a topic such as `/camera/color/image_raw`."""
     return f"{domain}/{topic.strip('/')}/*/*"
 
 
@@ -156,11 +155,11 @@ def all_topics(domain: int) -> str:
 
 
 def type_of(key: str) -> str:
-    """The message type of a key, `sensor_msgs/msg/Image`; empty of a key of something else."""
+    """The message type of a key, such as `sensor_msgs/msg/Image`; empty if it is not a key of ROS."""
     match = re.fullmatch(r".+/(\w+)::msg::dds_::(\w+)_/[^/]+", key)
     return f"{match[1]}/msg/{match[2]}" if match else ""
 
 
 def topic_of(key: str) -> str:
-    """The topic of a key, `/camera/color/image_raw`."""
+    """The topic of a key, such as `/camera/color/image_raw`."""
     return "/" + "/".join(key.split("/")[1:-2])

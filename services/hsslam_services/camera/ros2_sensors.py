@@ -1,4 +1,4 @@
-"""Sensors beside a camera of ROS 2: odometry of the robot, an IMU, and where that is mounted."""
+"""Sensors beside a ROS 2 camera: odometry, an IMU, and the IMU's mounting from `/tf_static`."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 _RING = 2048  # messages: more than come between two frames
-_PUBLISHERS = 64  # of `/tf_static`, each of which keeps its newest message
+_PUBLISHERS = 64  # of `/tf_static`; each keeps its newest message
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Ros2Sensors:
     ) -> None:
         self._cdr = cdr
         self._reports = reports
-        self.problem = ""  # why the newest message that cannot be used cannot
-        self.camera_frame = ""  # that ROS names the optical frame by, once it is known
+        self.problem = ""  # error of the newest unusable message
+        self.camera_frame = ""  # frame_id of the images, once known
         self._mountings = StaticTransforms()
         ros2 = options.ros2
         self._transforms: Any = None
@@ -72,11 +72,11 @@ class Ros2Sensors:
 
     @property
     def silent(self) -> _Sensor | None:
-        """The first from which nothing was heard; None if all have sent something."""
+        """The first sensor that has sent nothing; None if all have sent messages."""
         return next((s for s in self._sensors if not s.sensor.has_any), None)
 
     def hear(self) -> None:
-        """Take what has come; a message that is of another type or cannot be used is reported."""
+        """Take all received messages; reports those that have another type or cannot be used."""
         self._hear_transforms()
         for sensor in self._sensors:
             for payload, type_name in _received(sensor.subscriber):
@@ -84,7 +84,7 @@ class Ros2Sensors:
                 try:
                     sensor.sensor.take(decode(payload, type_name))
                 except (BadImageError, UserError) as error:
-                    self._is_unusable(sensor.topic, error)
+                    self._report_unusable(sensor.topic, error)
 
     def _hear_transforms(self) -> None:
         if self._transforms is None:
@@ -93,9 +93,9 @@ class Ros2Sensors:
             try:
                 self._mountings.take(self._cdr.transforms(payload, type_name))
             except (BadImageError, UserError) as error:
-                self._is_unusable(TOPIC, error)
+                self._report_unusable(TOPIC, error)
 
-    def _is_unusable(self, topic: str, error: Exception) -> None:
+    def _report_unusable(self, topic: str, error: Exception) -> None:
         self.problem = f"; {topic}: {error}"
         self._reports.add(Report.unusable(topic, error))
 
@@ -103,11 +103,11 @@ class Ros2Sensors:
         return RosImu(options, self._mounted_at, clock_set_back)
 
     def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
-        """T_camera_imu, [4, 4], by what was heard of `/tf_static`."""
+        """T_camera_imu, [4, 4], from `/tf_static`; None if not known."""
         return self._mountings.between(self.camera_frame, imu_frame)
 
     def given(self, frame: Frame) -> Frame:
-        """The frame with what they say at its stamp."""
+        """The frame with the readings of the sensors at its stamp."""
         self.hear()
         for sensor in self._sensors:
             frame = sensor.sensor.given(frame)

@@ -27,23 +27,23 @@ from hsslam_services.camera.ros2_messages import (
 from hsslam_services.camera.ros2_sensors import Ros2Sensors
 from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_decoded
 
-_RING = 4  # images of a topic that wait for us: the newest
+_RING = 4  # newest waiting images of a topic
 _POLL_S = 0.001
 _LARGEST_BYTES = 2**26  # of a message
 _SILENCE_S = 5.0
-_MOST_SILENCES = 3  # in a row: then the camera is opened again, and its intrinsics read anew
+_MOST_SILENCES = 3  # in a row, until the camera is lost and opened again
 _LOOK_AROUND_S = 1.0
-_RATE_HZ = 30.0  # of frames that come when they come
+_RATE_HZ = 30.0  # nominal; frames come at any rate
 
 
 class Ros2Source:
-    """Subscribes to colour, depth and intrinsics of a camera; images that are late push older ones out.
+    """Subscribes to colour, depth and intrinsics of a camera; new images replace old ones that wait.
 
-    Frames carry the stamps of the colour images, and are undistorted with what `camera_info` tells; where
-    the colour's topic has "rect" in its name, they are so already. `should_stop` ends the frames.
+    Frames have the stamps of the colour images. They are undistorted by `camera_info`, unless the colour
+    topic has "rect" in its name, so that its images are rectified. `should_stop` ends the frames.
 
     Raises:
-        UserError: rosbags is missing, no router there, or no images in time: says what was heard.
+        UserError: rosbags is not installed, no router, or no images in time; names the topics heard.
     """
 
     def __init__(
@@ -78,10 +78,10 @@ class Ros2Source:
         self.depth_units_per_m = self._frames.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`.
+        """Frames as they come; a `BadFrame` for an unusable pair, and for each 5 s without a pair.
 
         Raises:
-            SourceLostError: nothing came for 15 s.
+            SourceLostError: no pair for 15 s.
         """
         try:
             yield from selected_live(self._live(), self._options)
@@ -111,7 +111,7 @@ class Ros2Source:
                 time.sleep(_POLL_S)
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
-        """A pair of what has come, None if there is none yet; raises BadImageError."""
+        """The next pair of received images, None if there is none yet; raises BadImageError."""
         for subscriber, add in (
             (self._color, self._pairs.add_color),
             (self._depth, self._pairs.add_depth),
@@ -128,7 +128,7 @@ class Ros2Source:
         return None
 
     def _wait(self, name: str) -> tuple[Camera, tuple[RawImage, RawImage]]:
-        """Intrinsics and the first pair."""
+        """Wait for the intrinsics and the first pair."""
         camera, pair, problem = None, None, ""
         broken: list[tuple[RawImage, RawImage]] = []
         is_rectified = "rect" in self._topics[0]
@@ -156,7 +156,7 @@ class Ros2Source:
             time.sleep(_POLL_S)
         pair = pair or next(iter(broken), None)
         if camera is None or pair is None:
-            missing = "no camera_info" if camera is None else "no colour with its depth"
+            missing = "no camera_info" if camera is None else "no colour-depth pair"
             waited = f"within {self._options.ros2.timeout_s:g} s"
             raise UserError(
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
@@ -178,7 +178,7 @@ class Ros2Source:
         return f"; colour and depth are {nearest_ns / 1e6:.1f} ms apart, {limit}"
 
     def _heard(self) -> str:
-        """Topics of sensor_msgs that are published at the moment."""
+        """The topics of sensor_msgs that publish within 1 s."""
         channel = zenoh.handlers.RingChannel(256)
         around = self._session.declare_subscriber(all_topics(self._options.ros2.domain), channel)
         time.sleep(_LOOK_AROUND_S)
@@ -190,8 +190,8 @@ class Ros2Source:
 
 
 def _session(router: str) -> zenoh.Session:
-    """A client of this router of the ROS nodes; if none is named, of the one where they look first, or that
-    router itself if there is none."""
+    """A client of the given router of the ROS nodes; if none is given, the default router of ROS, or a client
+    of it if it runs already."""
     if router:
         return open_client(router)
     try:

@@ -1,4 +1,4 @@
-"""Colour and depth as ROS sends or records them, into frames."""
+"""Makes frames from colour and depth images of ROS."""
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -8,11 +8,11 @@ from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.source import BadFrame
 
-MOST_BROKEN = 30  # pairs before the first that can be decoded
+MOST_BROKEN = 30  # undecodable pairs at the start
 
 
 def can_be_decoded(pair: tuple[RawImage, RawImage]) -> bool:
-    """Whether size and encodings of a source can be told from this pair of colour and depth."""
+    """Whether this pair of colour and depth can be decoded, and so shows the source's size and encodings."""
     color, depth = pair
     try:
         color.color()
@@ -23,13 +23,13 @@ def can_be_decoded(pair: tuple[RawImage, RawImage]) -> bool:
 
 
 class RosFrames:
-    """Makes frames of pairs of images; `camera` is that of colour, with its distortion.
+    """Makes frames of pairs of images; `camera`: of colour, with its distortion.
 
-    `source` is how errors name the source, as ros2:/camera. `first` is a pair that shows size and
-    encodings. `depth_scale` are units per metre, None: those of the encoding.
+    `source`: its name in errors, such as ros2:/camera. `first`: a pair that shows size and encodings.
+    `depth_scale`: units per metre; None: those of the encoding.
 
     Raises:
-        UserError: the first pair cannot be decoded, or colour, depth and camera are not of one size.
+        UserError: the first pair cannot be decoded, or colour, depth and camera differ in size.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class RosFrames:
         self.camera = camera.undistorted()
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
-        """The frame of a pair, undistorted; a `BadFrame` if it cannot be used."""
+        """The undistorted frame of a pair; a `BadFrame` if the pair cannot be used."""
         try:
             for image in (color, depth):
                 image.expect_size(self.camera)
@@ -67,7 +67,7 @@ class RosFrames:
 def _expect_registered(
     source: str, camera: Camera, color: RawImage, depth: RawImage, depth_scale: float | None
 ) -> float:
-    """Units per metre of a depth image that has the colour image's size, which is the camera's."""
+    """Units per metre of depth; raises UserError unless colour, depth and camera have the same size."""
     try:
         height, width = color.color().shape[:2]
         depth_raw, units = depth.depth(depth_scale)

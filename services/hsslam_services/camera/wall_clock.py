@@ -1,25 +1,25 @@
-"""The wall clock as an offset from the monotonic one, which it follows when it is set."""
+"""The wall clock as an offset from the monotonic clock, adjusted when the wall clock is set."""
 
 import time
 
-_TIGHT_NS = 50_000  # between two looks at the monotonic clock
+_TIGHT_NS = 50_000  # between two reads of the monotonic clock
 _LOOKS = 5
-_DRIFT_NS = 2_000_000  # is followed
-_STEP_NS = 100_000_000  # is told
+_DRIFT_NS = 2_000_000  # smaller changes are ignored
+_STEP_NS = 100_000_000  # larger changes are reported
 
 
 class WallClock:
-    """Stamps for moments of the monotonic clock; their distances are those of that clock."""
+    """Converts times of the monotonic clock to the wall clock; intervals stay monotonic."""
 
     def __init__(self) -> None:
         self._offset_ns = _offset_ns()
 
     def at(self, monotonic_ns: int) -> int:
-        """The wall clock at this moment, ns, as if it had always been set as it is now."""
+        """The wall clock at a monotonic time, ns, by the newest offset."""
         return max(monotonic_ns + self._offset_ns, 0)
 
     def follow(self) -> float:
-        """Take over how the wall clock is set now; by how much it was stepped since the last call, s."""
+        """Adopt the present offset; returns the wall clock's step since the last call, s, 0 below 0.1 s."""
         step_ns = _offset_ns() - self._offset_ns
         if abs(step_ns) < _DRIFT_NS:
             return 0.0
@@ -28,7 +28,7 @@ class WallClock:
 
 
 def _offset_ns() -> int:
-    """From the monotonic clock to the wall clock; of several looks the one that took the least time."""
+    """Offset from the monotonic to the wall clock, ns, from the quickest of several reads."""
     best: tuple[int, int] | None = None
     for _ in range(_LOOKS):
         before_ns = time.monotonic_ns()

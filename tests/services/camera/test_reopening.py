@@ -119,7 +119,7 @@ def test_a_camera_of_another_lens_than_the_keyframes_is_waited_for(
         assert source is not None and source.camera == before.camera
         told = events.wait(20)
         assert told is not None and told.text == (
-            f"source tum:{tum_folder}: camera.fx 99.00: expected 50.00 as in the keyframes; tried again "
-            "until it is right"
+            f"source tum:{tum_folder}: camera.fx 99.00: expected 50.00 as in the keyframes: the "
+            "camera tries again"
         )
         assert events.wait(0.2) is None
