@@ -1,1 +1,1 @@
-"""What gives way when cores are slow or shared: levels, who decides, where all can read it."""
+"""Load levels: the work that is given up when cores are slow or shared, so that poses are in time."""

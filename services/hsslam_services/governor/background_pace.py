@@ -1,8 +1,8 @@
-"""Spreads work that can wait over time; real time alone.
+"""Limits the core time of background work in real time; apart, as mesher and bundle adjustment use it.
 
-A nice value protects the tracker only from work that competes for the same moment of a core. If the core
-time of the service is limited, as by the quota of a container, a burst of other work uses up what the next
-frames need.
+A nice value protects the tracker only from work that competes for a core at the same moment. If a quota
+limits the core time of the service, as in a container, a burst of other work uses up what the next frames
+need.
 """
 
 import threading
@@ -14,7 +14,7 @@ _LONGEST_S = 5.0  # of one rest
 
 
 class BackgroundPace:
-    """Holds the thread that made it to the share of a core that the load level leaves to background work."""
+    """Limits the thread that created it to the load level's share of a core for background work."""
 
     def __init__(self, level: SharedLevel, stop: threading.Event) -> None:
         self._level = level
@@ -22,7 +22,7 @@ class BackgroundPace:
         self._worked_until_s = time.thread_time()
 
     def rest(self) -> None:
-        """Wait as long as the work since the last call asks for; not at all if the level limits nothing."""
+        """Wait in proportion to the work since the last call; not at all if the share is 1."""
         worked_s = time.thread_time() - self._worked_until_s
         share = self._level.now.background_share
         if share < 1.0:

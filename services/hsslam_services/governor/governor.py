@@ -1,4 +1,4 @@
-"""Chooses the load level from how late the poses of the last seconds were."""
+"""Chooses the load level by the lateness of the poses in the last seconds."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -7,19 +7,19 @@ from typing import Final
 from hsslam_services.governor.levels import LEVELS
 
 _WINDOW_S: Final = 2.0
-_FEWEST_FRAMES: Final = 15  # of a share: fewer say nothing
-_LATE_PERIODS: Final = 1.0  # beyond the least latency of the last time
-_UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # of the frames that are late or were dropped
+_FEWEST_FRAMES: Final = 15  # for a meaningful share
+_LATE_PERIODS: Final = 1.0  # beyond the least latency of the last minute
+_UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # shares of late or dropped frames
 _TWO_UP_SHARE: Final = 0.25  # a larger share goes up two levels at once
-_UP_AFTER_S: Final = 2.0  # since the last change: a level takes that long to show
-_CALM_S: Final = 10.0  # over which few frames must be late to go down
-_STALL_S: Final = 1.0  # late frames within so short a time are one stall, which no level prevents
-_LOOK_EVERY_S: Final = 1.0  # whether to go down: a look takes 0.2 ms
-_DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if that was too early
+_UP_AFTER_S: Final = 2.0  # since the last change: a level takes this long to have an effect
+_CALM_S: Final = 10.0  # window in which few frames must be late to go down
+_STALL_S: Final = 1.0  # late frames within this time are one stall, which no level prevents
+_LOOK_EVERY_S: Final = 1.0  # between checks whether to go down: a check takes 0.2 ms
+_DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if the level went down too early
 _LONGEST_DOWN_AFTER_S: Final = 160.0
 _LONGEST_PERIOD_S: Final = 0.2
 _MOST_DROPPED: Final = 60  # at once
-_BASELINE_S: Final = 30.0  # half of the time over which the least latency is sought
+_BASELINE_S: Final = 30.0  # half of the window of the least latency
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Seen:
 
 
 class _Share:
-    """The share of late frames in the last seconds, or of the last frames where a camera sends fewer."""
+    """The share of late frames in the last `seconds`, over at least `fewest_frames`."""
 
     def __init__(self, seconds: float, fewest_frames: int = _FEWEST_FRAMES) -> None:
         self._seconds = seconds
@@ -40,7 +40,7 @@ class _Share:
         self.frames = 0
 
     def add(self, seen: _Seen) -> float:
-        """Take in frames, and forget those of too long ago; returns the share, 0 to 1."""
+        """Take in frames and forget old ones; returns the share, 0 to 1."""
         self._seen.append(seen)
         self.late += seen.late
         self.frames += seen.frames
@@ -54,7 +54,7 @@ class _Share:
         return self.late / self.frames
 
     def without_stall(self) -> float:
-        """The share of late frames among those that are left without the worst second."""
+        """The share of late frames outside the worst second."""
         worst, stall = (0, 0), _Share(_STALL_S, fewest_frames=0)
         for seen in self._seen:
             stall.add(seen)
@@ -68,17 +68,17 @@ class _Share:
 
 
 class Governor:
-    """Goes up a level while frames are late or dropped, and down when few were for a while.
+    """Raises the load level while frames are late or dropped; lowers it after a calm period.
 
-    A stall, as of a disk or of a neighbour, makes the frames of a moment late. No level prevents it, so it
-    counts neither for a higher level nor against a lower one.
+    A stall, as of a disk, makes the frames of a moment late. No level prevents stalls, so a stall neither
+    raises the level nor keeps it up.
 
-    Late is a frame whose latency is more than a frame period above the least of the last minute, so
-    that a camera with a clock of its own can be judged as well. A level that was left too early is kept
-    twice as long the next time.
+    A frame is late if its latency exceeds the least latency of the last minute by more than a frame period;
+    the camera may thus have a clock of its own. A level that was left too early is kept twice as long the
+    next time.
 
     Args:
-        level: to begin at, as that of a predecessor.
+        level: first level, such as that of the previous process.
     """
 
     def __init__(self, level: int = 0) -> None:
@@ -86,21 +86,21 @@ class Governor:
         self.late_share = 0.0
         self._last: tuple[int, float] | None = None  # index and stamp, s
         self._recent, self._calm = _Share(_WINDOW_S), _Share(_CALM_S)
-        self._least = [float("inf"), float("inf")]  # latency, s: of the last half minute, of now
+        self._least = [float("inf"), float("inf")]  # latency, s: previous and present half minute
         self._least_since_s = float("-inf")
-        self._changed_s: float | None = None  # the level; at first, when frames began to come
+        self._changed_s: float | None = None  # time of the last change or of the first frame
         self._down_after_s = _DOWN_AFTER_S
         self._went_down = False
         self._look_again_s = 0.0
 
     def frame(self, now_s: float, index: int, stamp_s: float, latency_s: float) -> bool:
-        """Take in a pose published now; whether the level changes.
+        """Take in a pose published now; returns whether the level changes.
 
         Args:
             now_s: monotonic clock, s.
-            index: of the frame; those between it and the last one were dropped.
+            index: of the frame; frames between it and the last one count as dropped.
             stamp_s: of the sensor, s.
-            latency_s: from the stamp to the pose, by clocks that need not agree, s.
+            latency_s: from the stamp to the pose, s; the two clocks may have an offset.
         """
         dropped, period_s = self._since_last(index, stamp_s)
         late_s = latency_s - self._baseline(now_s, latency_s)
@@ -121,9 +121,9 @@ class Governor:
         return is_calm and self._down(now_s)
 
     def _since_last(self, index: int, stamp_s: float) -> tuple[int, float]:
-        """Frames dropped between the last one and this one, and the period of the camera, s."""
+        """Number of frames dropped since the last one, and the period of the camera, s."""
         last, self._last = self._last, (index, stamp_s)
-        if last is None or index <= last[0]:  # a camera that counts anew
+        if last is None or index <= last[0]:  # the camera has restarted its count
             return 0, _LONGEST_PERIOD_S
         frames = index - last[0]
         period_s = (stamp_s - last[1]) / frames

@@ -1,4 +1,4 @@
-"""How many cores this process may use: those of its affinity, less what quotas of its control groups take."""
+"""The number of cores that this process may use, by its affinity and the quotas of its control groups."""
 
 import os
 from collections.abc import Iterator
@@ -10,9 +10,9 @@ _V1_MOUNTS = ("cpu", "cpu,cpuacct", "cpuacct,cpu")
 
 
 def granted_cores(own: Path = _OWN, groups: Path = _GROUPS) -> float:
-    """Cores, with the smallest quota of this process's control group and of those above it (version 1 or 2).
+    """Number of cores by affinity and by the quotas of this process's control groups and their parents.
 
-    `own`: the kernel's list of the groups of this process; `groups`: where they are mounted.
+    `own`: the kernel's list of this process's groups, version 1 or 2; `groups`: their mount point.
     """
     return min([float(len(os.sched_getaffinity(0))), *_quotas(own, groups)])
 
@@ -27,7 +27,7 @@ def _quotas(own: Path, groups: Path) -> Iterator[float]:
 
 
 def _groups_of_cpu(own: Path, groups: Path) -> Iterator[Path]:
-    """The folders of this process's groups and of those above them that exist."""
+    """The folders of this process's groups and of their parents."""
     try:
         lines = own.read_text().splitlines()
     except OSError:
@@ -42,7 +42,7 @@ def _groups_of_cpu(own: Path, groups: Path) -> Iterator[Path]:
 
 
 def _numbers(file: Path) -> list[float]:
-    """The numbers of one line; "max" is none."""
+    """The numbers in a file, without "max"; empty if it cannot be read."""
     try:
         return [float(word) for word in file.read_text().split() if word != "max"]
     except (OSError, ValueError):

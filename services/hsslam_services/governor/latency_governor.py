@@ -1,4 +1,4 @@
-"""The tracker's end of the governor: poses in, the shared load level and its events out; real time alone."""
+"""Sets the shared load level from the tracker's poses, and reports changes; only in real time."""
 
 from collections.abc import Callable
 
@@ -6,24 +6,24 @@ from hsslam_services.governor.governor import Governor
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
 
-_FULL_CORES, _SCARCE_CORES = 1.9, 1.4  # with fewer, work is given up before a frame is late
+_FULL_CORES, _SCARCE_CORES = 1.9, 1.4  # with fewer, the run starts at a higher level
 
 
 def first_level(cores: float) -> int:
-    """The load level at which a service that may use `cores` cores begins."""
+    """The first load level of a service that may use `cores` cores."""
     if cores >= _FULL_CORES:
         return 0
     return 2 if cores >= _SCARCE_CORES else 5
 
 
 class LatencyGovernor:
-    """Lets other processes give way if poses come late.
+    """Raises the load level of the other processes if poses come late.
 
     Args:
-        shared: goes on at its level, or at that of `cores` if this is higher.
-        cores: that the service may use; infinite: they do not count.
-        report: takes an event's text.
-        count: takes the name of a counter that grows by one.
+        shared: starts at its level, or at the first level of `cores` if that is higher.
+        cores: that the service may use; infinite: no limit.
+        report: takes the text of an event.
+        count: increments the counter of a name.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class LatencyGovernor:
 
     @property
     def level(self) -> int:
-        """Of now."""
+        """The current load level."""
         return self._governor.level
 
     def frame(self, now_s: float, index: int, stamp_ns: int, publish_ns: int) -> None:
@@ -51,7 +51,7 @@ class LatencyGovernor:
         Args:
             now_s: monotonic clock, s.
             index: of the frame.
-            stamp_ns, publish_ns: of the sensor and of the pose, by clocks that need not agree.
+            stamp_ns, publish_ns: of the sensor and of the pose; the two clocks may have an offset.
         """
         late = self._governor.late_share
         latency_s = (publish_ns - stamp_ns) / 1e9

@@ -1,4 +1,4 @@
-"""The order in which work gives way to the latency of poses, as a table; real time alone."""
+"""Load levels: the order in which work is given up for the latency of poses; only in real time."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,9 +6,9 @@ from typing import Final
 
 @dataclass(frozen=True)
 class LoadLevel:
-    """What the processes do at one level; each level keeps what the levels before it gave up."""
+    """The work that remains at one level; each level leaves out at least what the level before it does."""
 
-    in_words: str  # what is left, for the operator
+    in_words: str  # remaining work, for the operator
     mesh_every: float = 1.0  # times the time between refreshes of the mesh and views of the map
     view_width_px: int = 64  # of views of the map
     distances_every: float = 1.0  # times the time between updates of grid and distances
@@ -16,7 +16,7 @@ class LoadLevel:
     iterations: float = 1.0  # share of the mapper's iterations
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
-    # of a core, at most, for bundle adjustment; as much for the mesher
+    # largest share of a core for bundle adjustment, and again for the mesher
     background_share: float = 1.0
 
 

@@ -1,4 +1,4 @@
-"""The load level, a word of its own in the arena: the tracker writes it, all others look (no torch)."""
+"""The load level in the arena, which the tracker writes; apart, as all processes read it (no torch)."""
 
 from pathlib import Path
 
@@ -10,19 +10,19 @@ _FILE = "load_level"
 
 
 class SharedLevel:
-    """The level of now; 0 until the tracker sets it, and always in lockstep."""
+    """The current load level; 0 until the tracker sets it, and always in lockstep."""
 
     def __init__(self, arena_dir: Path | str) -> None:
         self._row = np.memmap(Path(arena_dir) / _FILE, np.int64, "r+", shape=(1,))
 
     @classmethod
     def create(cls, arena_dir: Path | str) -> None:
-        """Before any other process starts."""
+        """Create it; call this before any other process starts."""
         np.memmap(Path(arena_dir) / _FILE, np.int64, "w+", shape=(1,)).flush()
 
     @property
     def number(self) -> int:
-        """Of the row of `LEVELS`."""
+        """Row of `LEVELS`."""
         return min(max(int(self._row[0]), 0), len(LEVELS) - 1)
 
     @number.setter
@@ -31,5 +31,5 @@ class SharedLevel:
 
     @property
     def now(self) -> LoadLevel:
-        """What the processes do."""
+        """The current row of `LEVELS`."""
         return LEVELS[self.number]
