@@ -1,4 +1,4 @@
-"""`/metrics` and `/healthz` over HTTP, served by threads that never ask the supervisor's loop."""
+"""`/metrics` and `/healthz` over HTTP, served by threads that never wait for the supervisor's loop."""
 
 import contextlib
 import json
@@ -20,7 +20,7 @@ _JSON = "application/json"
 
 
 class MetricsServer:
-    """Serves the last snapshot on 127.0.0.1; nothing where `port` is None.
+    """Serves the newest snapshot on 127.0.0.1; does nothing if `port` is None.
 
     Raises:
         UserError: the port is taken.
@@ -31,7 +31,7 @@ class MetricsServer:
         self._due_s = 0.0
         if port is None:
             return
-        import hsslam_services.health.prometheus  # noqa: F401, for the first that asks
+        import hsslam_services.health.prometheus  # noqa: F401, for the first request
 
         try:
             self._server = _Server(("127.0.0.1", port), _Handler)
@@ -41,24 +41,24 @@ class MetricsServer:
         threading.Thread(target=self._server.serve_forever, name="metrics", daemon=True).start()
 
     def tick(self, take: Callable[[], Snapshot]) -> None:
-        """Take a snapshot, if it is time to; never blocks."""
+        """Take a snapshot if one is due; never blocks."""
         now_s = time.monotonic()
         if self._server is not None and now_s >= self._due_s:
             self._due_s = now_s + _EVERY_S
             self._server.snapshot = take()
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop the server."""
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
 
 
 class _Server(ThreadingTCPServer):
-    """Not wsgiref's server: that one asks the name service for this machine's name before it listens.
+    """Not wsgiref's server, which looks up this machine's name before it listens.
 
-    prometheus_client's WSGI application would refuse HEAD, and save about 15 lines. A connection too
-    many ends the oldest one, so idle ones do not keep a client from being served.
+    Not prometheus_client's WSGI application either, which refuses HEAD. One connection too many closes the
+    oldest one, so idle connections do not block new clients.
     """
 
     allow_reuse_address = True
@@ -71,7 +71,7 @@ class _Server(ThreadingTCPServer):
         super().__init__(address, handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve it in a thread of its own."""
+        """Serve the request in another thread."""
         with self._lock:
             self._open[request] = None
             if len(self._open) > _MOST_CONNECTIONS:
@@ -82,13 +82,13 @@ class _Server(ThreadingTCPServer):
         super().process_request(request, client_address)
 
     def shutdown_request(self, request: Any) -> None:
-        """Close it, at the end of its thread."""
+        """Close the connection, at the end of its thread."""
         with self._lock:
             self._open.pop(request, None)
         super().shutdown_request(request)
 
     def handle_error(self, *_: object) -> None:
-        """A client that has gone is no news."""
+        """Ignore the errors of clients that are gone."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -120,4 +120,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
-        """A scrape every few seconds is no news."""
+        """Do not log requests: a scrape comes every few seconds."""

@@ -1,4 +1,4 @@
-"""Metrics as a registry of Prometheus; alone, as a run and a batch of runs write theirs with it."""
+"""A Prometheus registry of given metrics; apart as runs and batches of runs use it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,14 +7,14 @@ from prometheus_client.registry import CollectorRegistry
 
 
 def registry_of(metrics: Sequence[Metric]) -> CollectorRegistry:
-    """A registry of these metrics alone, for an encoder of prometheus_client."""
+    """A registry of only these metrics, for an encoder of prometheus_client."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collector(metrics))
     return registry
 
 
 class _Collector:
-    """What the registry asks when it is asked."""
+    """Hands the metrics to the registry."""
 
     def __init__(self, metrics: Sequence[Metric]) -> None:
         self._metrics = metrics

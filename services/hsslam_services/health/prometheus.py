@@ -1,4 +1,4 @@
-"""A snapshot of a run as metrics of Prometheus."""
+"""Converts a snapshot of a run to Prometheus metrics."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ _STATES = ("starting", "running", "paused", "stopping")
 
 
 def exposition(snapshot: Snapshot | None, accept: str = "") -> tuple[bytes, str]:
-    """Body and content type, in the format that the header `Accept` asks for."""
+    """Body and content type of the response, in the format of the header `Accept`."""
     metrics = [] if snapshot is None else [*_of_run(snapshot), *_of_processes(snapshot)]
     encode, content_type = choose_encoder(accept)
     return encode(registry_of(metrics)), content_type
@@ -30,16 +30,16 @@ def exposition(snapshot: Snapshot | None, accept: str = "") -> tuple[bytes, str]
 def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
     run = snapshot.status
     labels = {"run_id": run.run_id, "source": run.source, "preset": run.preset, "pace": run.pace}
-    yield InfoMetricFamily("hsslam_run", "What runs", labels | {"version": __version__})
+    yield InfoMetricFamily("hsslam_run", "The run", labels | {"version": __version__})
     states = {name: name == run.state for name in _STATES}
     yield StateSetMetricFamily("hsslam_state", "State of the run", states)
     yield _gauge("uptime_seconds", "Seconds since the start of the run", run.seconds)
     yield _counter("frames_sent", "Frames that the camera process sent", run.frames_sent)
     yield _counter("frames_tracked", "Frames with a pose", run.frames_tracked)
-    yield _counter("frames_lost", "Frames whose pose was not found", run.frames_lost)
-    yield _counter("frames_dropped", "Frames that came too late", run.frames_dropped)
-    yield _gauge("pose_rate_hertz", "Poses per second, of the last seconds", run.fps)
-    text = "How long frames have come without a pose"
+    yield _counter("frames_lost", "Frames whose pose is not trusted", run.frames_lost)
+    yield _counter("frames_dropped", "Frames that were not tracked in time", run.frames_dropped)
+    yield _gauge("pose_rate_hertz", "Poses per second over the last seconds", run.fps)
+    text = "Seconds in which frames came without a pose"
     yield _gauge("silence_seconds", text, snapshot.silent_s)
     buckets = [str(bound / 1e3) for bound in BOUNDS_MS] + ["+Inf"]
     yield HistogramMetricFamily(
@@ -49,18 +49,18 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
         sum_value=snapshot.latency_sum_ms / 1e3,
     )
     yield _gauge("tracking_quality", "Share of depth within 2 cm of the map, 0 to 1", run.quality)
-    yield _gauge("load_level", "How much work gives way to the latency, 0: nothing", run.load_level)
+    yield _gauge("load_level", "Load level; 0: all work is done", run.load_level)
     yield _gauge("keyframes", "Keyframes", run.keyframes)
     yield _gauge("map_version", "Version of the map", run.map_version)
-    yield _counter("resets", "How often the map was thrown away", run.map_epoch)
-    yield _counter("map_iterations", "Iterations of the map", snapshot.iterations)
+    yield _counter("resets", "Resets of the map", run.map_epoch)
+    yield _counter("map_iterations", "Mapping iterations", snapshot.iterations)
     yield _counter("ba_rounds", "Rounds of global bundle adjustment", run.ba_rounds)
     yield _gauge("memory_bytes", "Memory of all processes (PSS)", 1e6 * run.memory_mb)
-    yield _counter("requests", "Requests that came", run.requests)
-    yield _counter("requests_refused", "Requests that were refused", run.requests_refused)
+    yield _counter("requests", "Received requests", run.requests)
+    yield _counter("requests_refused", "Refused requests", run.requests_refused)
     if (days := snapshot.certificate_days) is not None:
         yield _gauge(
-            "certificate_valid_days", "Days until the certificate of --security ends", days
+            "certificate_valid_days", "Days until the certificate of --security expires", days
         )
     rejected = CounterMetricFamily(
         "hsslam_messages_rejected", "Messages that could not be read", labels=["topic"]
@@ -72,7 +72,7 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
 
 def _of_processes(snapshot: Snapshot) -> Iterator[Metric]:
     run = snapshot.status
-    up = GaugeMetricFamily("hsslam_process_up", "1: takes work", labels=["process"])
+    up = GaugeMetricFamily("hsslam_process_up", "1: the process runs", labels=["process"])
     restarts = CounterMetricFamily("hsslam_process_restarts", "Restarts", labels=["process"])
     for name, state in run.processes.items():
         up.add_metric([name], float(state == "running"))

@@ -1,5 +1,5 @@
-"""Standard error, written by a thread: a reader that stands still or leaves, or a full disk, costs lines, not
-the run."""
+"""Standard error, written by a thread: a slow or closed reader or a full disk loses lines, but never blocks
+or ends the run."""
 
 import errno
 import io
@@ -17,11 +17,10 @@ _READER_GONE = (errno.EPIPE, errno.EIO, errno.EBADF)
 
 
 class ResilientStream(io.TextIOBase):
-    """Writes to the file of `stream` in a thread of its own, past its buffers.
+    """Writes to the file descriptor of `stream` in a thread, without the buffers of `stream`.
 
-    If the reader takes nothing, the newest lines are left out once 512 wait; those that a full disk does not
-    take are left out as well. How many is written when it goes on. If the reader is gone (a pipe closed, a
-    terminal closed), everything goes nowhere.
+    If the reader does not read, the newest texts are dropped once 512 wait; a full disk drops texts too.
+    Their number is written later. If the reader is gone (closed pipe or terminal), all output is discarded.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -51,39 +50,39 @@ class ResilientStream(io.TextIOBase):
         return len(text)
 
     def drain(self, timeout_s: float) -> None:
-        """Wait until all is written, but not longer than this."""
+        """Wait until all text is written, at most `timeout_s`."""
         deadline_s = time.monotonic() + timeout_s
         while self._waiting.unfinished_tasks and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
 
     def _write_all(self) -> None:
         while True:
-            text, told = self._waiting.get(), 0
+            text, reported = self._waiting.get(), 0
             if self._left_out and not self._waiting.full():
-                told, self._left_out = self._left_out, 0
-                text += f"({told} lines left out: nothing was read, or the disk was full)\n"
+                reported, self._left_out = self._left_out, 0
+                text += f"({reported} lines left out: stderr was not read, or the disk was full)\n"
             try:
                 self._write(text.encode(self._stream.encoding, "backslashreplace"))
             except OSError as error:
-                self._left_out += told + 1
+                self._left_out += reported + 1
                 if error.errno in _READER_GONE:
-                    self._fall_silent()
+                    self._discard_output()
             self._waiting.task_done()
 
     def _write(self, data: bytes) -> None:
-        """What the stream's buffers cannot write they would keep, and end Python with exit code 120."""
+        """Write without the stream's buffers: text left in them ends Python with exit code 120."""
         while data:
             data = data[os.write(self._stream.fileno(), data) :]
 
-    def _fall_silent(self) -> None:
-        """What is still in the stream's buffer goes nowhere as well, at the latest when Python ends."""
+    def _discard_output(self) -> None:
+        """Send all further output, and the text in the stream's buffer, to /dev/null."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
 
 
 def say_at_end(text: str) -> None:
-    """A line on standard error that costs no time and no exit code, whatever is behind it."""
+    """Write a line to standard error; a bad reader costs at most 2 s and never changes the exit code."""
     stream = ResilientStream(sys.stderr)
     stream.write(f"{text}\n")
     stream.drain(_LAST_WORDS_S)

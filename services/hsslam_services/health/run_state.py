@@ -1,4 +1,4 @@
-"""Counts of a run heard on the bus, and a histogram of latencies as Prometheus has it."""
+"""The state of a run, collected from the bus: counts, newest messages, a histogram of latencies."""
 
 import statistics
 import time
@@ -15,24 +15,24 @@ from hsslam_services.health.silence import Silence
 
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
 _RECENT = 64  # poses for rate and latency
-_RECENT_S = 5.0  # older ones say nothing of now
-_STILL_S = 1.0  # without a pose: the rate falls
+_RECENT_S = 5.0  # older ones do not count
+_STILL_S = 1.0  # without a pose, until the rate falls
 
 
 class LatencyBins:
-    """Counts of latencies up to each bound, and their sum."""
+    """A histogram of latencies with the bounds `BOUNDS_MS`, and their sum."""
 
     def __init__(self) -> None:
         self.sum_ms = 0.0
         self._counts = [0] * (len(BOUNDS_MS) + 1)  # the last: above all bounds
 
     def add(self, latency_ms: float) -> None:
-        """Count one."""
+        """Count one latency."""
         self._counts[bisect_left(BOUNDS_MS, latency_ms)] += 1
         self.sum_ms += latency_ms
 
     def cumulative(self) -> list[int]:
-        """How many were at most so long, for each bound, and how many there were."""
+        """Number of latencies up to each bound, and of all."""
         total = 0
         return [total := total + count for count in self._counts]
 
@@ -54,7 +54,7 @@ class RunState:
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
 
     def fps(self, now_s: float) -> float:
-        """Poses per second, of the last few seconds; falls to 0 when none come."""
+        """Poses per second over the last seconds; falls to 0 if no poses come."""
         times = [pose.heard_s for pose in self._since(now_s)]
         if len(times) < 2:
             return 0.0
@@ -62,13 +62,12 @@ class RunState:
         return (len(times) - 1) / span_s if span_s > 0 else 0.0
 
     def latency_ms(self, now_s: float) -> float:
-        """Median of the last latencies from sensor stamp to published pose; 0 if none is of now."""
+        """Median latency of the newest poses, from the sensor's stamp; 0 if no pose came for 5 s."""
         latencies = [pose.latency_ms for pose in self._since(now_s)]
         return statistics.median(latencies) if latencies else 0.0
 
     def tracking(self, now_s: float) -> Literal["none", "initial", "tracked", "lost"]:
-        """Status of the last pose; none if frames have come without one for so long that it is not of
-        now."""
+        """Status of the last pose; "none" before the first, or if frames come without a pose for 5 s."""
         is_silent = self.silence.seconds(now_s) > _RECENT_S
         return "none" if self.pose is None or is_silent else self.pose.status
 
@@ -76,38 +75,38 @@ class RunState:
         return [pose for pose in self.recent if now_s - pose.heard_s <= _RECENT_S]
 
     def has_answered(self, end: SourceEnd, dropped: int) -> bool:
-        """Whether there is a pose of the last frame; else, whether each frame is answered or dropped."""
+        """Whether the last frame has a pose, or all frames are answered or dropped."""
         if self.pose is not None and 0 <= end.last_index <= self.pose.index:
             return True
         return self.tracked + self.lost + dropped >= end.frame_count
 
     def forget_map(self) -> None:
-        """The map was thrown away; counts go on."""
+        """Forget the map after a reset; counts go on."""
         self.pose = self.map = None
         self.last_keyframe = -1
 
     def posed(self, pose: Pose, now_s: float) -> None:
-        """A pose came; `now_s` is of the monotonic clock."""
+        """Take in a pose; `now_s`: monotonic clock."""
         is_again = self.pose is not None and self.pose.publish_ns == pose.publish_ns
         self.pose = pose
         self.silence.posed()
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
-        latency_ms = max((pose.publish_ns - pose.stamp_ns) / 1e6, 0.0)  # below 0: a clock was set
+        latency_ms = max((pose.publish_ns - pose.stamp_ns) / 1e6, 0.0)  # < 0: a clock was set
         if not is_again:
             self.recent.append(PoseTimes(now_s, latency_ms))
         self.latency_bins.add(latency_ms)
 
 
 class PoseTimes(NamedTuple):
-    """When a pose came, by the monotonic clock, and how old its frame was."""
+    """Arrival of a pose, by the monotonic clock, and its latency."""
 
     heard_s: float
     latency_ms: float
 
 
 class Listener:
-    """The supervisor's ears: subscriptions to everything small."""
+    """The supervisor's subscriptions, to all topics of small messages."""
 
     def __init__(self, bus: Bus) -> None:
         self.state = RunState()
@@ -120,7 +119,7 @@ class Listener:
         self._events = bus.subscribe(topics.EVENT, 256)
 
     def listen(self) -> tuple[list[Health], list[Event]]:
-        """Take in what has come; returns the heartbeats and events of this time."""
+        """Take in all received messages; returns the heartbeats and events among them."""
         state, now_s = self.state, time.monotonic()
         for pose in self._poses.drain():
             state.posed(pose, now_s)

@@ -1,22 +1,22 @@
-"""How long frames have come without a pose; a file of its own, as it follows two streams of messages."""
+"""How long frames have come without a pose; apart, as it follows two streams of messages."""
 
 from hsslam_proto.run_messages import Health, TopicCounts
 from hsslam_proto.topics import FRAME
 
-_FLOWS_S = 3.0  # frames come as long as the tracker tells of new ones so often
+_FLOWS_S = 3.0  # frames count as coming for this time after the tracker reports new ones
 
 
 class Silence:
-    """Counts from the first frame that was not answered; heartbeats of the tracker tell of frames, in
-    whatever state its loop is. Times are of the monotonic clock, s."""
+    """Time since the first frame without an answer. The tracker's heartbeats report frames even if its loop
+    hangs. Times are of the monotonic clock, s."""
 
     def __init__(self) -> None:
-        self._received: tuple[int, int] | None = None  # tracker's pid, frames that it has got
+        self._received: tuple[int, int] | None = None  # the tracker's pid and received frames
         self._frame_s = float("-inf")
         self._since_s: float | None = None
 
     def heard(self, health: Health, now_s: float) -> None:
-        """A heartbeat came; only those of the tracker count."""
+        """Take in a heartbeat; only those of the tracker count."""
         if health.process != "tracker":
             return
         received = health.topics.get(FRAME.name, TopicCounts()).received
@@ -28,11 +28,11 @@ class Silence:
                 self._since_s = now_s
 
     def posed(self) -> None:
-        """A pose came."""
+        """Take in a pose."""
         self._since_s = None
 
     def seconds(self, now_s: float) -> float:
-        """0 while poses come, and while no frames do."""
+        """The silence so far; 0 while poses come, and while no frames come."""
         if self._since_s is None or now_s - self._frame_s > _FLOWS_S:
             return 0.0
         return now_s - self._since_s

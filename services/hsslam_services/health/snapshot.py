@@ -1,4 +1,4 @@
-"""The state of a run at one moment, for threads that serve it, and the answer to `/healthz`."""
+"""A snapshot of a run's state for the HTTP threads, and the answer to `/healthz`."""
 
 import time
 from collections.abc import Mapping
@@ -10,14 +10,14 @@ from hsslam_proto.run_messages import Health
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 
-_HUNG_S = 10.0  # the supervisor comes round every 50 ms
-_SILENT_S = 5.0  # frames come, and no pose does
+_HUNG_S = 10.0  # the supervisor's loop takes 50 ms
+_SILENT_S = 5.0  # frames without a pose
 _CAMERA = "camera"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """`needed`: processes that the run cannot do without. `taken_s`: by the monotonic clock."""
+    """State of a run. `needed`: processes that the run needs. `taken_s`: monotonic clock."""
 
     status: Status
     needed: frozenset[str]
@@ -25,10 +25,10 @@ class Snapshot:
     latency_counts: tuple[int, ...]  # as `LatencyBins.cumulative`
     latency_sum_ms: float
     rejected: Mapping[str, int]  # by topic
-    health: Mapping[str, Health]  # the last heartbeat of each process that lives
+    health: Mapping[str, Health]  # last heartbeat of each living process
     taken_s: float
     silent_s: float = 0.0  # how long frames have come without a pose
-    certificate_days: float | None = None  # until it ends; None without `security`
+    certificate_days: float | None = None  # until it expires; None without `security`
 
 
 def take_snapshot(
@@ -38,7 +38,7 @@ def take_snapshot(
     children: Mapping[str, Child],
     certificate_days: float | None = None,
 ) -> Snapshot:
-    """Copies of everything that changes."""
+    """Take a snapshot: copies of all data that changes."""
     return Snapshot(
         status=status,
         needed=frozenset(
@@ -56,10 +56,10 @@ def take_snapshot(
 
 
 def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[int, dict[str, Any]]:
-    """Status code of HTTP and body. 200: all needed processes run, or the run ends in order; else 503.
+    """HTTP status code and body. 200: all needed processes run, or the run is stopping; else 503.
 
-    `status` in the body: ok, paused, degraded (runs without one that it can do without), stopping;
-    starting, down, hung, silent (frames have come for 5 s and no pose did).
+    `status` in the body: ok, paused, degraded (a process that is not needed is missing), stopping;
+    starting, down, hung, silent (frames, but no pose for 5 s).
     """
     if snapshot is None:
         return 503, {"status": "starting"}

@@ -1,4 +1,4 @@
-"""The numbers of a run that the supervisor reports: the answer to `status`, its part of the summary."""
+"""The numbers of a run that the supervisor reports: the answer to `status`, and a part of the summary."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -25,7 +25,7 @@ def run_status(
     memory_mb: int,
     rejected: int = 0,
 ) -> Status:
-    """The run in numbers; `phase` is refined to starting before the first pose in a map."""
+    """The answer to the request `status`; before the first pose, `phase` running becomes starting."""
     pose, now_s = state.pose, time.monotonic()
     is_starting = pose is None and phase == "running"
     return Status(
@@ -59,9 +59,9 @@ def run_status(
 def process_section(
     run: RunInfo, children: Mapping[str, Child], state: RunState, stop_reason: str, end_s: float
 ) -> dict[str, Any]:
-    """What the supervisor knows: frames in, processes, stage times, configuration, versions.
+    """The supervisor's section of the summary: frames in, processes, stage times, options, versions.
 
-    `end_s`: when the run was stopped, by the monotonic clock.
+    `end_s`: time of the stop, by the monotonic clock.
     """
     end = state.source_end
     frames: dict[str, int] = {}
@@ -107,28 +107,28 @@ def _process(child: Child) -> dict[str, Any]:
 
 
 def _sent(children: Mapping[str, Child], state: RunState) -> int:
-    """By the camera's last heartbeat, which is older than the last pose; 0 without a camera of ours."""
+    """Frames sent, by the camera's last heartbeat or newer poses; 0 without a camera process."""
     if "camera" not in children:
         return 0
     return max(children["camera"].counted("sent"), state.tracked + state.lost)
 
 
 def frames_dropped(children: Mapping[str, Child]) -> int:
-    """Frames that the tracker missed because newer ones came, and those that a slow source left out."""
+    """Number of frames that the tracker missed, or that the camera skipped because the source is slow."""
     missed = children["tracker"].missed(FRAME.name) if "tracker" in children else 0
     return missed + (children["camera"].counted("skipped") if "camera" in children else 0)
 
 
 def load_level(children: Mapping[str, Child]) -> int:
-    """How much of the work gives way to the latency of poses, by the tracker's last heartbeat."""
+    """The load level, by the tracker's last heartbeat."""
     health = children["tracker"].health if "tracker" in children else None
     return health.counters.get("load_level", 0) if health else 0
 
 
 def rejected_messages(own: Iterable[Subscription], children: Mapping[str, Child]) -> dict[str, int]:
-    """Rejected messages of each topic that had some: as many as the receiver counts that saw most.
+    """Number of rejected messages by topic, without zeros: the largest count of all receivers.
 
-    All receivers of a topic reject the same; one that was restarted counts anew.
+    All receivers of a topic reject the same messages; a restarted receiver counts from 0.
     """
     most = {subscription.topic.name: subscription.rejected for subscription in own}
     for child in children.values():

@@ -1,6 +1,6 @@
-"""The status line: redrawn on a terminal, printed every few seconds elsewhere.
+"""The status line: redrawn on a terminal, else printed every 5 s.
 
-A reader that stands still, or is gone, does not hold up or end the run.
+A slow or closed reader does not block or end the run.
 """
 
 import sys
@@ -25,7 +25,7 @@ _STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended
 
 
 class StatusLine:
-    """A context that shows the state of a run; `say` prints a line above it."""
+    """A context manager that shows the state of a run; `say` prints a line above it."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._stream = ResilientStream(sys.stderr)
@@ -47,21 +47,21 @@ class StatusLine:
             self._live.stop()
 
     def drain(self) -> None:
-        """Wait until all that was said is written, for 2 s at most."""
+        """Wait until all lines are written, at most 2 s."""
         self._stream.drain(_DRAIN_S)
 
     def say(self, text: str, level: str = "info") -> None:
-        """Print one line that stays."""
+        """Print one line above the status line."""
         style = {"warning": "yellow", "error": "red"}.get(level, "")
         printable = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
-        line = Text(printable, style=style)  # anybody can publish an event: no escape sequences
+        line = Text(printable, style=style)  # events may come from strangers: no escape sequences
         if self._console.is_terminal:
             self._console.print(line)
         else:
             self._console.print(line, soft_wrap=True)
 
     def show(self, state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> None:
-        """Show the state, if it is time to."""
+        """Show the state if an update is due."""
         now = time.monotonic()
         if now - self._shown_s < (_REDRAW_S if self._live else _PRINT_S):
             return
@@ -74,7 +74,7 @@ class StatusLine:
 
 
 def _quality(pose: Pose | None) -> str:
-    """As a word, if the camera is not tracked in the map."""
+    """Tracking quality, with the fragment if there is one; "lost", or "-" before the first pose."""
     if pose is None:
         return "-"
     if pose.fragment:

@@ -54,5 +54,5 @@ def test_a_full_disk_costs_the_lines_that_it_does_not_take(tmp_path: Path):
         os.dup2(disk.fileno(), stream.fileno())  # there is room again
         resilient.write("heard\n")
         resilient.drain(10)
-    told = "(2 lines left out: nothing was read, or the disk was full)"
+    told = "(2 lines left out: stderr was not read, or the disk was full)"
     assert file.read_text() == f"heard\n{told}\n"
