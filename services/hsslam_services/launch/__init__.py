@@ -1,1 +1,1 @@
-"""How a process of a run is started, watched and restarted: the supervisor's end and the process's own."""
+"""Starts, watches and restarts the processes of a run: the supervisor's side and the process's side."""

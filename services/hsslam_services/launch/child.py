@@ -1,4 +1,4 @@
-"""One supervised process: started, watched, restarted by a policy, stopped."""
+"""The supervisor's side of one process: start, watch, restart, stop."""
 
 import signal
 import subprocess
@@ -27,18 +27,18 @@ from hsslam_services.run.stop_signals import END_SIGNAL
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
-_AS_TOLD = (0, -END_SIGNAL)  # the signal ends one that does not listen yet
-_OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
-_PATIENCE_S = 10.0  # after it, for all to come round
-_KILL_TIMEOUT_S = 10.0  # for the kernel to end a process, which may hang in a driver
+_ORDERLY = (0, -END_SIGNAL)  # the signal kills a process without a handler
+_OWN_PAUSE_S = 2.0  # a longer one between ticks: the whole run was frozen, as by `docker pause`
+_PATIENCE_S = 10.0  # after such a pause, before a process counts as hung
+_KILL_TIMEOUT_S = 10.0  # for the kernel: a process may hang in a driver
 
 
 class Child:
-    """One supervised process: started, watched and restarted according to its row of the process table.
+    """Starts, watches and restarts one process according to its row of the process table.
 
-    `wanted` says whether it should run; `tick` makes it so. `ended`: exited as it should; `failed`:
-    given up on (crash loop, or bad input: then `user_error` has the line to show).
-    `may_pass()`: whether the run works, so that what a process lacks now (memory, the router) may come back.
+    `wanted`: whether the process should run; `tick` starts or stops it. State "ended": it exited as it
+    should; "failed": it is not started again, after a crash loop or bad input (`user_error`).
+    `may_pass()`: whether the run works, so that a lack of memory or of the router may pass.
     """
 
     def __init__(
@@ -53,12 +53,10 @@ class Child:
         self.state: State = "waiting"
         self.restarts = 0
         self.user_error = ""
-        self.exit_code: int | None = (
-            None  # of the one that ended last; negative: the signal that killed it
-        )
+        self.exit_code: int | None = None  # of the last process; negative: killed by this signal
         self.health: Health | None = None
         self.peak_rss_bytes = 0
-        self.news: list[str] = []  # what the operator should read; the supervisor takes it
+        self.news: list[str] = []  # lines for the operator; the supervisor takes them
         self._run_dir = run_dir
         self._spawn = spawn
         self._may_pass = may_pass
@@ -68,10 +66,10 @@ class Child:
         self._started_s = 0.0
         self._worked_since_s: float | None = None
         self._beat_s = 0.0
-        self._missed_before: Counter[str] = Counter()  # of each topic, by its predecessors
-        self._counted_before: dict[str, int] = {}
+        self._missed_earlier: Counter[str] = Counter()  # by topic, of earlier processes
+        self._counted_earlier: dict[str, int] = {}
         self._stop_sent_s = 0.0
-        self._turned_s = 0.0
+        self._loop_s = 0.0
         self._killed_s = 0.0
         self._ticked_s = time.monotonic()
         self._patient_until_s = 0.0
@@ -86,26 +84,26 @@ class Child:
 
     @property
     def pss_mb(self) -> int:
-        """Memory that it told of last; 0 when it does not live."""
+        """Memory by the last heartbeat; 0 if the process is dead."""
         return self.health.pss_mb if self.health and self.is_alive else 0
 
     def missed(self, topic: str) -> int:
-        """Messages of a topic that it missed, and its predecessors, by their last heartbeats."""
+        """Messages of a topic missed by this process and its predecessors, by their last heartbeats."""
         counts = self.health.topics.get(topic) if self.health else None
-        return self._missed_before[topic] + (counts.dropped if counts else 0)
+        return self._missed_earlier[topic] + (counts.dropped if counts else 0)
 
     def counted(self, name: str) -> int:
-        """A counter that a restarted process goes on with, by the last heartbeat that had it."""
+        """A counter that a restarted process continues, by the last heartbeat that had it."""
         own = self.health.counters if self.health else {}
-        return own.get(name, self._counted_before.get(name, 0))
+        return own.get(name, self._counted_earlier.get(name, 0))
 
     def heard(self, health: Health) -> None:
-        """A heartbeat of the process of this name; one of a dead predecessor is ignored."""
+        """Take in a heartbeat of this process; ignores those of a dead predecessor."""
         self.peak_rss_bytes = max(self.peak_rss_bytes, health.rss_bytes)
         if health.pid == self.pid:
             self.health = health
             self._beat_s = time.monotonic()
-            self._turned_s = self._beat_s - 1e-3 * health.idle_ms
+            self._loop_s = self._beat_s - 1e-3 * health.idle_ms
             stalled = health.idle_ms > 1e3 * self.spec.stall_timeout_s
             if self.state != "ended" and health.state != "stopping":
                 running = health.state == "running"
@@ -116,14 +114,14 @@ class Child:
                 )
 
     def tick(self) -> None:
-        """Bring the process to what is wanted; never blocks."""
+        """Start, check or stop the process, as wanted; never blocks."""
         now = time.monotonic()
         self._forgive_own_pause(now)
         if self._process is not None and (code := self._process.poll()) is not None:
             self._exited(code, now)
         if self._process is not None and self._killed_s:
             if now - self._killed_s > _KILL_TIMEOUT_S:
-                self._leave()
+                self._abandon()
             return
         if self.wanted and self._process is None and self.state == "waiting":
             if now >= self._start_at_s:
@@ -134,12 +132,12 @@ class Child:
             self._stop(now)
 
     def renew(self) -> None:
-        """Let one that has ended as wanted start again; one that was given up on stays so."""
+        """Let an ended process start again; a failed one stays failed."""
         if self.state == "ended" and self._process is None:
             self.state, self._start_at_s = "waiting", 0.0
 
     def kill(self) -> None:
-        """End it at once and wait for it, but not for ever."""
+        """Kill the process and wait for its end, at most 10 s."""
         self.wanted = False
         if self._process is None:
             return
@@ -148,30 +146,27 @@ class Child:
         try:
             self._exited(self._process.wait(_KILL_TIMEOUT_S), time.monotonic())
         except subprocess.TimeoutExpired:
-            self._leave()
+            self._abandon()
 
     def _start(self, now: float) -> None:
         if self.health is not None:
             topics = self.health.topics.items()
-            self._missed_before.update({name: of.dropped for name, of in topics})
-            self._counted_before |= self.health.counters
+            self._missed_earlier.update({name: counts.dropped for name, counts in topics})
+            self._counted_earlier |= self.health.counters
         self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
         self._worked_since_s = None
         try:
             free_pools(process_number(self.spec.name), most_pool_bytes())
             clear_result(self._run_dir, self.spec.name)
             self._process = self._spawn(self.spec.module, self._run_dir)
-        except (
-            OSError,
-            MemoryError,
-        ) as error:  # no descriptors, no processes, no place for its log
+        except (OSError, MemoryError) as error:  # no descriptors, processes or disk space
             self._failed(not_started(error), now)
         else:
             self.state, self._started_s = "starting", now
 
-    def _leave(self) -> None:
-        """Wait no more for a process that the kernel cannot end."""
-        self.news.append(f"{self.spec.name} (process {self.pid}) cannot be killed: left behind")
+    def _abandon(self) -> None:
+        """Stop waiting for a process that the kernel cannot kill."""
+        self.news.append(f"{self.spec.name} (process {self.pid}) cannot be killed: left running")
         self._process, self.state = None, "failed"
 
     def _exited(self, code: int, now: float) -> None:
@@ -181,8 +176,8 @@ class Child:
         how = f"ended: {error}" if is_user_error else how_it_ended(code)
         if not self.wanted:
             self.state = "ended"
-            if code not in _AS_TOLD and not self._killed_s:
-                self.news.append(f"{self.spec.name} {how}, after it was told to end")
+            if code not in _ORDERLY and not self._killed_s:
+                self.news.append(f"{self.spec.name} {how} while it ended")
         elif code == 0 and self.spec.may_finish:
             self.state = "ended"
         elif not is_user_error or self._may_come_back():
@@ -193,12 +188,12 @@ class Child:
             self.user_error = error
 
     def _may_come_back(self) -> bool:
-        """Whether what a process lacks may be there later; input that cannot be read is not."""
+        """Whether the cause of a user error may pass: a lack of memory or of the router, no bad input."""
         lacks_memory = read_result(self._run_dir, self.spec.name).lacks_memory
         return self._may_pass() and (lacks_memory or not self.spec.reads_source)
 
     def _failed(self, how: str, now: float) -> None:
-        """Start it again after a while, or give up."""
+        """Schedule a restart, or give up."""
         worked_s = 0.0 if self._worked_since_s is None else now - self._worked_since_s
         delay_s = self._policy.failed(now, worked_s)
         if delay_s is None:
@@ -211,7 +206,7 @@ class Child:
         self.news.append(f"{self.spec.name} {how}: restart in {delay_s:g} s")
 
     def _forgive_own_pause(self, now: float) -> None:
-        """Who was frozen together with its supervisor has missed nothing."""
+        """Extend all time limits if the supervisor was frozen, as the process was frozen too."""
         pause_s, self._ticked_s = now - self._ticked_s, now
         if pause_s > _OWN_PAUSE_S:
             self._patient_until_s = now + _PATIENCE_S
@@ -241,9 +236,9 @@ class Child:
         assert self._process is not None
         if not self._stop_sent_s:
             self._process.send_signal(END_SIGNAL)
-            self._process.send_signal(signal.SIGCONT)  # one that is frozen can end, too
+            self._process.send_signal(signal.SIGCONT)  # so that a frozen process can end
             self._stop_sent_s = now
-        elif now - max(self._stop_sent_s, self._turned_s) > self.spec.stop_timeout_s:
+        elif now - max(self._stop_sent_s, self._loop_s) > self.spec.stop_timeout_s:
             self.news.append(
                 f"{self.spec.name} did not end in {self.spec.stop_timeout_s:g} s: killed"
             )

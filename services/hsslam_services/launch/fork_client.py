@@ -1,4 +1,4 @@
-"""The supervisor's end of the fork server, and a forked process as `subprocess.Popen` would show it."""
+"""The supervisor's side of the fork server, and a forked process with the methods of `subprocess.Popen`."""
 
 import contextlib
 import os
@@ -26,52 +26,52 @@ from hsslam_services.run.stop_signals import END_SIGNAL
 
 _POLL_S = 0.01
 _PATIENCE_S = 120.0  # for a fork server that still imports
-_FROZEN_S = 10.0  # for one that has forked before
+_FROZEN_S = 10.0  # for a fork server that has forked before
 _END_TIMEOUT_S = 2.0
 
 
 class ForkedProcess:
-    """A process started by the fork server: requested (`pid` is None), running, ended.
+    """A process started by the fork server: requested (`pid` is None), running or ended.
 
-    `link`: the new process sends its pid and waits for an answer before it runs. If the link closes
-    without a word, or none comes for `patience_s`, `plainly` starts the process without the fork server.
+    `link`: socket on which the new process sends its pid and waits for an answer before it runs. If the
+    link closes or no pid comes for `patience_s`, `spawn_fresh` starts the process without the fork server.
     """
 
     def __init__(
         self,
         link: socket.socket,
-        plainly: Callable[[], subprocess.Popen],
+        spawn_fresh: Callable[[], subprocess.Popen],
         patience_s: float = _PATIENCE_S,
     ) -> None:
         self._patience_s = patience_s
         self.pid: int | None = None
         self.returncode: int | None = None
         self._link: socket.socket | None = link
-        self._plainly = plainly
-        self._plain: subprocess.Popen | None = None
+        self._spawn_fresh = spawn_fresh
+        self._fresh: subprocess.Popen | None = None
         self._asked_s = time.monotonic()
         link.setblocking(False)
 
     @property
     def is_forked(self) -> bool:
-        """Whether the fork server has forked it."""
-        return self.pid is not None and self._plain is None
+        """Whether the fork server has forked this process."""
+        return self.pid is not None and self._fresh is None
 
     def poll(self) -> int | None:
-        """The exit code (negative: the signal that killed it), None while it runs or is awaited."""
-        self._meet()
-        if self.returncode is None and self._plain is not None:
-            self.returncode = self._plain.poll()
+        """The exit code (negative: killed by this signal); None while it is requested or runs."""
+        self._accept()
+        if self.returncode is None and self._fresh is not None:
+            self.returncode = self._fresh.poll()
         elif self.returncode is None and self.pid is not None:
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             self.returncode = os.waitstatus_to_exitcode(status) if pid else None
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """The exit code, when there is one.
+        """Wait for the exit code.
 
         Raises:
-            subprocess.TimeoutExpired: there is none yet.
+            subprocess.TimeoutExpired: there is none within `timeout`.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while (code := self.poll()) is None:
@@ -81,62 +81,62 @@ class ForkedProcess:
         return code
 
     def send_signal(self, sig: int) -> None:
-        """Send a signal; one that is not born yet and would die of it is called off."""
+        """Send a signal; if the process is only requested and the signal would end it, cancel the request."""
         if self.poll() is not None:
             return
         if self.pid is not None:
             os.kill(self.pid, sig)
         elif sig in (END_SIGNAL, signal.SIGKILL):
-            self._part()
+            self._close_link()
             self.returncode = -sig
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
 
-    def _meet(self) -> None:
-        """Take the newborn's word, if it has come."""
+    def _accept(self) -> None:
+        """Take the pid of the new process if it has come; start the process fresh if it cannot come."""
         if self._link is None:
             return
         try:
-            word = self._link.recv(64)
-            if word:
+            pid = self._link.recv(64)
+            if pid:
                 self._link.send(b"go")
-                self.pid = int(word)
+                self.pid = int(pid)
         except BlockingIOError:
             if time.monotonic() - self._asked_s < self._patience_s:
                 return
-            word = b""
-        except OSError:  # it died between its word and our answer
-            word = b""
-        self._part()
-        if not word:
+            pid = b""
+        except OSError:  # the process died before our answer
+            pid = b""
+        self._close_link()
+        if not pid:
             try:
-                self._plain = self._plainly()
+                self._fresh = self._spawn_fresh()
             except OSError:
                 self.returncode = NOT_STARTED
             else:
-                self.pid = self._plain.pid
+                self.pid = self._fresh.pid
 
-    def _part(self) -> None:
+    def _close_link(self) -> None:
         if self._link is not None:
             self._link.close()
             self._link = None
 
 
 class ForkClient:
-    """Starts processes of a run by forking, once `start` was called; what it cannot do is done plainly.
+    """Starts the processes of a run by forking; without a fork server, as fresh interpreters.
 
-    If the fork server dies, its forks live on (they are this process's children), and it is started
-    again; after a crash loop every process is a fresh interpreter.
+    If the fork server dies, its forks live on as children of this process, and it is started again; after
+    a crash loop, processes start without it.
     """
 
     def __init__(self, run_dir: Path) -> None:
-        self.news: list[str] = []  # what the operator should read; the supervisor takes it
+        self.news: list[str] = []  # lines for the operator; the supervisor takes them
         self._run_dir = run_dir
         self._policy = RestartPolicy(first_delay_s=0.0, longest_delay_s=0.0)
         self._process: subprocess.Popen | None = None
         self._socket: socket.socket | None = None
-        self._first: ForkedProcess | None = None  # that this fork server was asked for
+        self._first: ForkedProcess | None = None  # first request to this fork server
         self._started_s = time.monotonic()
         adopt_orphans()
 
@@ -145,7 +145,7 @@ class ForkClient:
         return self._process.pid if self._process else None
 
     def start(self) -> None:
-        """Start the fork server, if it does not run; if the system refuses, processes start without it."""
+        """Start the fork server if it does not run; if this fails, processes start without it."""
         if self._process is not None:
             return
         try:
@@ -172,14 +172,14 @@ class ForkClient:
             )
 
     def spawn(self, module: str, run_dir: Path) -> Process:
-        """Start a process of the run, as `spawn.spawn` does; returns before it is born."""
+        """Start a process of the run, as `spawn.spawn`; returns before the process exists."""
         self.tick()
         if self._socket is None:
             return spawn(module, run_dir)
         with open_log(run_dir, module) as log:
             own, other = socket.socketpair()
             with other, contextlib.suppress(OSError):
-                # on an error `other` closes: the process is then started without the fork server
+                # on an error, `other` closes, and the process starts without the fork server
                 socket.send_fds(self._socket, [module.encode()], [log.fileno(), other.fileno()])
         patience_s = _FROZEN_S if self._first is not None and self._first.is_forked else _PATIENCE_S
         process = ForkedProcess(own, lambda: spawn(module, run_dir), patience_s)

@@ -1,9 +1,8 @@
-"""The fork server: imports what most processes of a run need, once, and forks them from itself.
+"""The fork server: imports the modules of a run's processes once, and forks the processes from itself.
 
-Forks share the pages of the imports, and a restart takes a moment instead of seconds. The fork server
-has one thread and no connection, so a fork is as good as a fresh interpreter. Forked processes are
-reparented to the supervisor (a subreaper) at once. The supervisor reaps them; if it dies, the kernel
-ends them.
+Forks share the pages of the imports, so a restart takes 0.1 s instead of seconds. The fork server has one
+thread and no connection, so a fork works like a fresh interpreter. The supervisor (a subreaper) becomes the
+parent of each fork at once and reaps it; if the supervisor dies, the kernel ends its forks.
 """
 
 import argparse
@@ -47,14 +46,14 @@ def set_process_title(name: str, command: Sequence[str]) -> None:
 
 
 class _Request(NamedTuple):
-    """A process that is wanted."""
+    """A request for a process."""
 
     module: str
     log: int  # file descriptor for its output
-    link: int  # of a socket to the supervisor
+    link: int  # file descriptor of a socket to the supervisor
 
     def is_wanted(self) -> bool:
-        """Whether the supervisor has not hung up meanwhile."""
+        """Whether the supervisor still has its end of the link open."""
         poll = select.poll()
         poll.register(self.link, 0)
         return not poll.poll(0)
@@ -65,7 +64,7 @@ class _Request(NamedTuple):
 
 
 def main() -> None:
-    """Serve the supervisor at the other end of the socket until it closes it, or dies."""
+    """Serve the supervisor at the other end of the socket until it closes the socket or dies."""
     die_with_parent(signal.SIGKILL)
     leave_stop_signals_to_supervisor()  # as its forks do
     parser = argparse.ArgumentParser(prog="hsslam fork server")
@@ -79,8 +78,8 @@ def main() -> None:
 
 
 def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
-    """Fork what is asked for. Returns in each forked process; in the fork server, None at the end."""
-    gc.disable()  # imports make 0.2 million objects that stay; each collection would look at them
+    """Fork the requested processes. Returns the request in each fork, None in the fork server at its end."""
+    gc.disable()  # imports create 0.2 million lasting objects; each collection would visit them
     _import(_FIRST_IMPORTS)
     supervisor.setblocking(False)
     waiting: list[_Request] = []
@@ -93,7 +92,7 @@ def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
     _load_kernels(Path(run_dir))
     gc.collect()
     return_free_memory()  # of the imports and the warm start
-    gc.freeze()  # a collection in a forked process would copy every page that it looks at
+    gc.freeze()  # a collection in a fork would copy each page that it visits
     supervisor.setblocking(True)
     while True:
         request = waiting.pop(0) if waiting else _receive(supervisor)
@@ -104,7 +103,7 @@ def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
 
 
 def _receive(supervisor: socket.socket) -> _Request | None:
-    """The next request; None when there is none (of a socket that does not block), or at the end."""
+    """The next request; None at the end, or if there is none and the socket does not block."""
     try:
         module, fds, _, _ = socket.recv_fds(supervisor, 256, 2)
     except BlockingIOError:
@@ -118,7 +117,7 @@ def _import(modules: tuple[str, ...]) -> None:
 
 
 def _load_kernels(run_dir: Path) -> None:
-    """Be warm before the first fork: `warm_start` of a forked process returns what this one has done."""
+    """Load the kernels before the first fork; `warm_start` in a fork then has nothing to do."""
     from hsslam_node.warm_start import warm_start
     from hsslam_services.run.run_info import RunInfo
 
@@ -126,7 +125,7 @@ def _load_kernels(run_dir: Path) -> None:
 
 
 def _fork(request: _Request, others: list[_Request]) -> bool:
-    """Fork twice, so that the new process is the supervisor's; True in it, False in the fork server."""
+    """Fork twice, so that the supervisor adopts the new process; True in it, False in the fork server."""
     threads = len(list(Path("/proc/self/task").iterdir()))
     if threads > 1:
         sys.exit(f"error: fork server: {threads} threads: expected 1: cannot fork")
@@ -146,7 +145,7 @@ def _fork(request: _Request, others: list[_Request]) -> bool:
 
 
 def _wait_for_end(pid: int) -> None:
-    """Return when the process has ended; its children have their new parent then."""
+    """Wait until the process has ended, so that its children have their new parent."""
     try:
         fd = os.pidfd_open(pid)
     except ProcessLookupError:
@@ -156,7 +155,7 @@ def _wait_for_end(pid: int) -> None:
 
 
 def _become(request: _Request, run_dir: str) -> None:
-    """Be the process that was asked for, from here to its end."""
+    """Become the requested process and run its `main`."""
     os.setsid()
     command = module_command(request.module, run_dir)
     set_process_title(f"hsslam-{request.module.rpartition('.')[2]}", command)

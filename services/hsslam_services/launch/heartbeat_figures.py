@@ -1,4 +1,4 @@
-"""Figures that travel with heartbeats; alone, as it is all that the threads of a process share."""
+"""Figures in heartbeats; apart, as they are the only data that a process's threads share."""
 
 import threading
 from collections.abc import Mapping
@@ -12,11 +12,11 @@ _CUT = "..."
 
 
 class HeartbeatFigures(Generic[N]):
-    """Figures by name. The loop of a process writes them while its heartbeat copies them, so each access
-    holds a lock: no copy sees a dict that grows, and no addition is lost.
+    """Figures by name, guarded by a lock: the loop of a process writes them while its heartbeat thread copies
+    them.
 
-    Names may come from outside, as those of topics do. One that is too long for a heartbeat loses its middle,
-    and names beyond the most that a heartbeat takes share one figure."""
+    Names may come from outside, such as topics. A name that is too long for a heartbeat loses its middle.
+    If there are more names than a heartbeat may hold, the others share one figure."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -31,30 +31,30 @@ class HeartbeatFigures(Generic[N]):
             self._values[self._fitting(name)] = value
 
     def get(self, name: str, default: N) -> N:
-        """The figure, or `default` where there is none of this name."""
+        """The figure of this name, or `default`."""
         with self._lock:
             return self._values.get(self._fitting(name), default)
 
     def add(self, name: str, by: N) -> N:
-        """Add to a figure and return it; one that is new counts from 0."""
+        """Add to a figure and return the sum; a new figure starts at 0."""
         with self._lock:
             name = self._fitting(name)
             self._values[name] = self._values.get(name, 0) + by
             return self._values[name]
 
     def update(self, values: Mapping[str, N] | None = None, /, **named: N) -> None:
-        """Set several at once: a heartbeat has all of them or none."""
+        """Set several figures at once: a heartbeat has all of them or none."""
         with self._lock:
             for name, value in {**(values or {}), **named}.items():
                 self._values[self._fitting(name)] = value
 
     def copy(self) -> dict[str, N]:
-        """All figures as they are now."""
+        """A copy of all figures."""
         with self._lock:
             return dict(self._values)
 
     def _fitting(self, name: str) -> str:
-        """The name that a heartbeat has for it."""
+        """The name of a figure in a heartbeat."""
         if len(name) > LONGEST_NAME:
             half = (LONGEST_NAME - len(_CUT)) // 2
             name = f"{name[:half]}{_CUT}{name[-half:]}"

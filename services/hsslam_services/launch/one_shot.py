@@ -1,4 +1,4 @@
-"""Processes of a run that are not kept running: map loader, savers, evaluator, the watchdog."""
+"""Runs the processes that end by themselves: map loader, savers, evaluator, watchdog."""
 
 import contextlib
 import subprocess
@@ -37,7 +37,7 @@ def run_one_shot(
 ) -> str:
     """Run a process to its end, calling `tick` meanwhile; adds its section to the summary.
 
-    Returns "" or what went wrong.
+    Returns "" or the error.
     """
     if is_cancelled():
         return "cancelled"
@@ -56,25 +56,23 @@ def run_one_shot(
     if code == NOT_STARTED:
         return "cannot be started"
     error = last_error(run_dir, module) if code else ""
-    with contextlib.suppress(
-        OSError
-    ):  # the end of the run reports a summary that cannot be written
+    with contextlib.suppress(OSError):  # the end of the run reports this
         update_summary(run_dir, read_result(run_dir, name).summary)
     return error
 
 
 def _kill(process: Process) -> None:
-    """End it; one that hangs in a driver is not waited for."""
+    """Kill the process and wait at most 5 s: it may hang in a driver."""
     process.kill()
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_KILL_TIMEOUT_S)
 
 
 def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
-    """Start the process that saves and cleans up behind a supervisor that was killed.
+    """Start the watchdog, which saves and cleans up after a killed supervisor.
 
     Raises:
-        UserError: the system does not start it, or its log cannot be written.
+        UserError: the watchdog cannot be started, or its log cannot be written.
     """
     try:
         with open_log(run_dir, WATCHDOG) as log:
@@ -91,7 +89,7 @@ def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
 
 
 def expect_end(watchdog: subprocess.Popen) -> None:
-    """After an orderly end: wait for the watchdog, which ends when the arena is removed or marked."""
+    """Wait for the watchdog, which ends when the arena is removed or marked as unsaved; else kill it."""
     try:
         watchdog.wait(_WATCHDOG_TIMEOUT_S)
     except subprocess.TimeoutExpired:

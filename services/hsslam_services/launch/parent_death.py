@@ -1,4 +1,4 @@
-"""Processes and the death of their parents, alone: the one place that calls prctl."""
+"""What happens if a parent process dies; apart, as the one place that calls prctl."""
 
 import ctypes
 import signal
@@ -9,10 +9,10 @@ _PR_SET_CHILD_SUBREAPER = 36
 
 
 def die_with_parent(number: signal.Signals) -> None:
-    """Let the kernel send this signal to this process when its parent ends."""
+    """Let the kernel send this signal to this process when its parent dies."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, number)
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends."""
+    """Become the parent of descendants whose parent ends (subreaper)."""
     _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)

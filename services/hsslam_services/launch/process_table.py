@@ -10,15 +10,15 @@ from hsslam_node.image_header import LARGEST_PIXELS
 class ProcessSpec:
     """One row: a process that the supervisor keeps running, `python -m <module> --run DIR`.
 
-    `ends_run`: giving up on it in a crash loop stops the run.
-    `stop_stage`: all processes of a stage have ended before those of the next stage are told to end.
-    `restarts_with_map`: it keeps state of the map, so a reset replaces it.
+    `ends_run`: a crash loop of it stops the run.
+    `stop_stage`: the processes of a stage stop after those of all earlier stages have ended.
+    `restarts_with_map`: it holds state of the map, so a reset of the map restarts it.
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
-    `returned_bytes`: arrays of this size or more go back to the system once freed, which clears each new one;
-    0: they stay with the process.
-    `reads_source`: it exists only if frames are read here, not published by an outside camera.
-    `serves_ros2`: it exists only if ROS 2 is to hear of the run.
-    `serves_grid`: it exists only if grid and distances are asked for.
+    `returned_bytes`: freed arrays of this size or more go back to the system, which clears each new array;
+    0: the process keeps the memory.
+    `reads_source`: it exists only if the run reads frames itself, instead of an external camera's frames.
+    `serves_ros2`: it exists only with `--ros2-out`.
+    `serves_grid`: it exists only with `--grid`.
     """
 
     name: str
@@ -33,28 +33,28 @@ class ProcessSpec:
     reads_source: bool = False
     serves_ros2: bool = False
     serves_grid: bool = False
-    is_late: bool = False  # started when the others take work: the first frame does not need it
-    may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
+    is_late: bool = False  # starts after the others: the first frame does not need it
+    may_finish: bool = False  # exit code 0: its work is done; else every exit is a failure
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
-    health_timeout_s: float = 15.0  # without a heartbeat; armed by the first
-    stall_timeout_s: float = 150.0  # heartbeats, but the main loop has not come round
-    stop_timeout_s: float = 20.0  # told to end, and its main loop has not come round for so long
+    health_timeout_s: float = 15.0  # without a heartbeat, after the first
+    stall_timeout_s: float = 150.0  # with heartbeats, but without a turn of the main loop
+    stop_timeout_s: float = 20.0  # to end, since the signal or the last turn of the main loop
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
     def exists(self, *, has_camera: bool, has_ros2_out: bool, has_grid: bool) -> bool:
-        """Whether a run has it."""
+        """Whether such a run has this process."""
         needs = (self.reads_source, self.serves_ros2, self.serves_grid)
         has = (has_camera, has_ros2_out, has_grid)
         return all(there or not needed for there, needed in zip(has, needs, strict=True))
 
     def is_needed(self, pace: str) -> bool:
-        """Whether the run cannot continue without it."""
+        """Whether a run of this pace cannot continue without this process."""
         return self.ends_run or (self.lockstep_needs and pace == "lockstep")
 
 
 _ARRAY_BYTES = 512 << 10
-_IMAGE_BYTES = 4 << 20  # those of usual cameras stay: the system would clear 4 MB for each frame
+_IMAGE_BYTES = 4 << 20  # smaller images stay: the system would clear 4 MB for each frame
 CAMERA_STAGE, TRACKER_STAGE, BA_STAGE, MAP_STAGE, MESHER_STAGE, RECORDER_STAGE = range(6)
 
 
@@ -78,14 +78,14 @@ ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     FINAL_MAP_SAVER: 600.0,
     MESH_SAVER: 3600.0,  # it shows its progress; a second signal ends it
     EVALUATOR: 3600.0,
-    TRAJECTORY_SAVER: 60.0,  # and some for each pose
+    TRAJECTORY_SAVER: 60.0,  # and some more for each pose
 }
 
-_SAVED_POSES_PER_S = 10_000  # at least, on a slow disk; an hour has 108 000 at 30 Hz
+_SAVED_POSES_PER_S = 10_000  # on a slow disk; an hour has 108 000 at 30 Hz
 
 
 def one_shot_timeout_s(module: str, poses: int) -> float:
-    """The time limit of a process that ends by itself, s; `poses`: how many the run has."""
+    """The time limit of a process that ends by itself, s; `poses`: number of poses of the run."""
     saving_s = poses / _SAVED_POSES_PER_S if module == TRAJECTORY_SAVER else 0.0
     return ONE_SHOT_TIMEOUT_S[module] + saving_s
 
@@ -98,7 +98,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=TRACKER_STAGE,
         ends_run=True,
         restarts_with_map=True,
-        stall_timeout_s=10.0,  # a frame takes some 10 ms, the search for a place a second
+        stall_timeout_s=10.0,  # a frame takes 10 ms, relocalisation a second
     ),
     _row(
         "mapper",
@@ -114,7 +114,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         nice=8,
         stop_stage=RECORDER_STAGE,
         returned_bytes=_IMAGE_BYTES,
-        stop_timeout_s=120.0,  # it recovers earlier parts and finishes its files
+        stop_timeout_s=120.0,  # recovers earlier parts and finishes its files
     ),
     _row(
         "camera",
@@ -123,7 +123,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=CAMERA_STAGE,
         reads_source=True,
         may_finish=True,
-        stall_timeout_s=60.0,  # no wait of its own is longer than a second
+        stall_timeout_s=60.0,  # it never waits longer than a second
     ),
     _row(
         "global_ba",
@@ -147,7 +147,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ),
     _row(
         "distances",
-        "says what is free about the camera",
+        "publishes free space and distances around the camera",
         nice=6,
         stop_stage=MESHER_STAGE,
         is_late=True,
@@ -156,7 +156,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ),
     _row(
         "ros2_out",
-        "tells ROS 2",
+        "publishes the run to ROS 2",
         nice=8,
         stop_stage=MESHER_STAGE,
         is_late=True,
@@ -167,18 +167,17 @@ PROCESSES: tuple[ProcessSpec, ...] = (
 
 
 def environment_of_threads(threads: int) -> dict[str, str]:
-    """Variables that limit the threads of numeric libraries and the image size that OpenCV reads; set before
-    any import."""
+    """Environment variables that limit the threads of numeric libraries and the images that OpenCV reads; set
+    them before any import."""
     names = ("OMP", "OPENBLAS", "MKL", "NUMBA")
     return {
         **{f"{name}_NUM_THREADS": str(threads) for name in names},
         "OPENCV_FOR_THREADS_NUM": str(threads),
-        "OPENCV_IO_MAX_IMAGE_PIXELS": str(
-            LARGEST_PIXELS
-        ),  # of formats whose headers we do not read
+        # for formats whose headers we do not read
+        "OPENCV_IO_MAX_IMAGE_PIXELS": str(LARGEST_PIXELS),
     }
 
 
 def process_number(name: str) -> int:
-    """Place in the table, from 1; 0: not in it."""
+    """Row of a process in the table, from 1; 0: not in the table."""
     return next((k for k, spec in enumerate(PROCESSES, 1) if spec.name == name), 0)

@@ -1,4 +1,4 @@
-"""When a process that failed is started again, and when it is given up on; apart, as it needs no process."""
+"""When to restart a failed process, and when to give up; apart, as it needs no process."""
 
 from dataclasses import dataclass, field
 
@@ -9,10 +9,10 @@ _SOUND_S = 20.0
 
 @dataclass
 class RestartPolicy:
-    """When a process that failed is started again; pure, time is an argument.
+    """Computes the delay of the next restart; it reads no clock.
 
-    Delays double from `first_delay_s` to `longest_delay_s`. A process that took work for 20 s was sound:
-    its failure is counted as the first. More than 5 restarts in 300 s without such a time are a crash loop.
+    Delays double from `first_delay_s` to `longest_delay_s`. After 20 s of work, a failure counts as the
+    first. More than 5 restarts in 300 s without such a time are a crash loop.
     """
 
     first_delay_s: float
@@ -20,7 +20,7 @@ class RestartPolicy:
     _failures_s: list[float] = field(default_factory=list)
 
     def failed(self, now_s: float, worked_s: float = 0.0) -> float | None:
-        """A failure at this time (s, monotonic), after `worked_s` of work: seconds to wait; None: give up."""
+        """Delay of the restart, s, after a failure at `now_s` and `worked_s` of work; None: give up."""
         if worked_s >= _SOUND_S:
             self._failures_s.clear()
         self._failures_s = [t for t in self._failures_s if now_s - t < _WINDOW_S] + [now_s]

@@ -1,4 +1,4 @@
-"""The body of a process's `main`: from its command line to its end."""
+"""The `main` of a process, from its command line to its exit."""
 
 import argparse
 import atexit
@@ -24,10 +24,10 @@ from hsslam_services.run.stop_signals import END_SIGNAL, leave_stop_signals_to_s
 
 
 def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
-    """Body of a process's `main`: `--run DIR` from the command line, then `loop(worker)`.
+    """Read `--run DIR` from the command line, run `loop(worker)` and exit.
 
-    Exits with 0 when the loop returns, 2 with one line on a `UserError`, 1 with a traceback (in the
-    process's log) on anything else.
+    Exit code 0: the loop has returned; 2, with one line: `UserError`; 1, with a traceback in the process's
+    log: another exception.
     """
     faulthandler.enable()
     die_with_parent(END_SIGNAL)
@@ -35,7 +35,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run
-    spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: it ends by itself
+    spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: a one-shot process
     _give_way(spec.nice if spec else 0)
     if spec is None:
         return_large_arrays()
@@ -57,7 +57,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
                 raise
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
-        with contextlib.suppress(OSError):  # the run folder may be what is wrong
+        with contextlib.suppress(OSError):  # the run folder may be the problem
             lacks_memory = isinstance(error, OutOfMemoryError)
             write_result(run_dir, name, ProcessResult(error=str(error), lacks_memory=lacks_memory))
         _end(2)
@@ -65,32 +65,32 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
 
 
 def _end(code: int) -> NoReturn:
-    """End with an exit code as Python does, but leave the memory to the kernel.
+    """Exit as Python does, but leave the memory to the kernel.
 
-    Python would free every object of the imports one by one: 0.5 s, in which the next step of the end waits.
+    Python would free the objects of the imports one by one, which delays the end of the run by 0.5 s.
     """
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and not thread.daemon:
             thread.join()
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError):  # a full disk costs lines of the log alone
+        with contextlib.suppress(OSError):  # a full disk costs only lines of the log
             stream.flush()
     os._exit(code)
 
 
 def _enter(run: RunInfo, name: str) -> str:
-    """Enter this process in its arena; why it could not, empty if it could."""
+    """Enter this process in its arena; returns a warning if this fails, else ""."""
     try:
         enter_process(Path(run.arena_dir), name)
-    except OSError as error:  # no room: poses matter more
-        return f"{run.arena_dir}: {error.strerror}: the watchdog does not know the {name}"
+    except OSError as error:  # no room: the run goes on
+        return f"{run.arena_dir}: {error.strerror}: the watchdog cannot end the {name}"
     return ""
 
 
 def _give_way(nice: int) -> None:
-    """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
-    its own, only that of the session counts between them. Sessions of other processes stay."""
+    """Set the nice value of this process. If Linux schedules by session (autogroup), only the nice value of a
+    session counts; set it too if this process leads its session."""
     os.nice(nice)
     if os.getsid(0) != os.getpid():
         return

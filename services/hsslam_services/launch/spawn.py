@@ -1,4 +1,4 @@
-"""Starting a process of a run as a fresh interpreter, and what it leaves in its log."""
+"""Starts a process of a run as a fresh interpreter; its log and its error."""
 
 import os
 import signal
@@ -12,19 +12,19 @@ from hsslam_services.launch.process_table import environment_of_threads
 from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 from hsslam_services.run.process_result import read_result
 
-# glibc gives memory of this size back to the system when it is freed, and the system clears it again
-# for the next image: half the time of preparing a reference keyframe. Keep it, but not in every thread,
-# nor in processes that return it (`ProcessSpec.returned_bytes`); other C libraries do not read these.
+# By default, glibc returns freed memory of the size of images to the system, which clears it for the next
+# image: half the time of preparing a reference keyframe. These variables let a process keep it, but not in
+# each thread, nor if it returns arrays (`ProcessSpec.returned_bytes`). Other C libraries ignore them.
 _KEPT_MEMORY = {
-    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the largest that glibc takes
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the maximum of glibc
     "MALLOC_TRIM_THRESHOLD_": str(128 << 20),
-    "MALLOC_ARENA_MAX": "2",  # else each of many threads keeps memory of its own
+    "MALLOC_ARENA_MAX": "2",  # else each thread keeps memory of its own
     **RETURN_FREED_MEMORY_OF_RERUN,
 }
 
 
 class Process(Protocol):
-    """What supervision asks of a process; `subprocess.Popen` is one."""
+    """The methods of a process that supervision needs; `subprocess.Popen` has them."""
 
     @property
     def pid(self) -> int | None: ...
@@ -35,19 +35,19 @@ class Process(Protocol):
 
 
 Spawn = Callable[[str, Path], Process]
-NOT_STARTED = 127  # exit code of a process that the system did not start, as a shell has it
+NOT_STARTED = 127  # exit code if the system does not start a process, as in a shell
 
 
 def module_command(module: str, run_dir: str) -> list[str]:
     """The command line of a process of a run.
 
-    -P keeps the working folder out of sys.path: a checkout or a stranger's torch.py there is not imported.
+    -P keeps the working folder out of sys.path, so that no checkout or foreign torch.py there is imported.
     """
     return [sys.executable, "-P", "-m", module, "--run", run_dir]
 
 
 def spawn(module: str, run_dir: Path) -> subprocess.Popen:
-    """Start `python -m <module> --run <run_dir>` in a session of its own, its output in logs/."""
+    """Start `python -m <module> --run <run_dir>` in its own session, with its output in logs/."""
     with open_log(run_dir, module) as log:
         return subprocess.Popen(
             module_command(module, str(run_dir)),
@@ -60,7 +60,7 @@ def spawn(module: str, run_dir: Path) -> subprocess.Popen:
 
 
 def child_environment() -> Mapping[str, str]:
-    """Variables of every process of a run: one numeric thread, the allocator."""
+    """Environment variables of all processes of a run: one numeric thread, the allocator."""
     return {
         **_KEPT_MEMORY,
         **os.environ,
@@ -70,30 +70,30 @@ def child_environment() -> Mapping[str, str]:
 
 
 def open_log(run_dir: Path, module: str) -> IO[bytes]:
-    """The log of a process, to append to."""
+    """Open the log of a process to append."""
     log_file = log_path(run_dir, module)
     log_file.parent.mkdir(exist_ok=True)
     return log_file.open("ab")
 
 
 def log_path(run_dir: Path, module: str) -> Path:
-    """Where a process's own output goes."""
+    """The file with the output of a process."""
     return run_dir / "logs" / f"{process_name(module)}.log"
 
 
 def process_name(module: str) -> str:
-    """Name of the process that runs this module: of its log and of its result."""
+    """Name of the process that runs this module, as in its log and its result."""
     return module.rpartition(".")[2]
 
 
 def last_error(run_dir: Path, module: str) -> str:
-    """Why a process failed: the line that it has left, else where its log is."""
+    """The error that a failed process left; else a line that names its log."""
     error = read_result(run_dir, process_name(module)).error
     return error or f"{process_name(module)} failed; see {log_path(run_dir, module)}"
 
 
 def not_started(error: BaseException) -> str:
-    """Why the system did not start a process, in words."""
+    """The error of a process that could not be started, in words."""
     reason = error.strerror if isinstance(error, OSError) else ""
     return f"cannot be started: {reason or error or type(error).__name__}"
 

@@ -1,4 +1,4 @@
-"""Compile every kernel once, into the cache: `hsslam-serve warm-up`."""
+"""Compiles all kernels into the cache: `hsslam-serve warm-up`."""
 
 import argparse
 import dataclasses
@@ -30,20 +30,19 @@ Report = Callable[[str], None]  # called with the name of each part before it is
 
 
 def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
-    """Run everything that has kernels on a few tiny frames.
+    """Run all code that has kernels on a few tiny frames; the kernels serve all presets and image sizes.
 
-    Kernels serve all presets alike: nothing is compiled for a size. Returns False, at once, if the cache
-    has them.
+    Returns False at once if the cache has all kernels.
 
     Args:
-        is_for_run: only those that poses, map and mesh need. Distances, questions to the map and the
-            evaluation then compile theirs when they are first used.
+        is_for_run: compile only the kernels for poses, map and mesh. Distances, queries and the evaluation
+            then compile theirs at first use.
 
     Raises:
-        UserError: the cache folder cannot be written.
+        UserError: the cache folder is not writable.
     """
     folder = writable_kernel_cache()
-    run, complete = run_stamp(), warm_stamp()  # before: an upgrade changes them
+    run, complete = run_stamp(), warm_stamp()  # read first: an upgrade changes them
     if complete.exists() or (is_for_run and run.exists()):
         return False
     try:
@@ -58,10 +57,10 @@ def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
 
 
 def main() -> None:
-    """For benchmarks and the supervisor: a line for each part."""
+    """Warm up for benchmarks and the supervisor; prints a line for each part."""
     parser = argparse.ArgumentParser()
     parser.add_argument(
-        "--run", help="folder of the run that waits, if only that one is to be served"
+        "--run", help="run folder: compile only the kernels for poses, map and mesh"
     )
     is_for_run = parser.parse_args().run is not None
     start = time.monotonic()
@@ -74,7 +73,7 @@ def main() -> None:
 
 @dataclasses.dataclass(frozen=True)
 class _TinyRun:
-    """The keyframe of a run of few pixels, its map and its mesh."""
+    """The keyframes, map and mesh of a run with few pixels."""
 
     config: "SlamConfig"
     store: "KeyframeStore"
@@ -83,7 +82,7 @@ class _TinyRun:
 
 
 def _compile_for_run(report: Report) -> _TinyRun:
-    """What poses, map and mesh need; mapping, the largest part, in a process of its own beside the others."""
+    """Compile the kernels for poses, map and mesh; those of mapping, the most, in a parallel process."""
     mapping = get_context("spawn").Process(target=_map_a_wall, args=(os.getpid(),), daemon=True)
     mapping.start()
     made = _track_and_mesh(report)
@@ -95,10 +94,10 @@ def _compile_for_run(report: Report) -> _TinyRun:
 
 
 def _map_a_wall(parent_pid: int) -> None:
-    """Mapping, bundle adjustment and tracking by rendering on three frames."""
+    """Run mapping, bundle adjustment and tracking by rendering on three frames."""
     die_with_parent(signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it
-    if os.getppid() != parent_pid:  # it died before that
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it
+    if os.getppid() != parent_pid:  # the parent is dead
         return
     from hsslam_node.presets import PRESETS
     from hsslam_node.slam import Slam
@@ -108,14 +107,14 @@ def _map_a_wall(parent_pid: int) -> None:
     ba = dataclasses.replace(
         preset.ba, every_keyframes=1, loss_threshold=1e-9, iterations=1, pose_rate=1e-4
     )
-    mapper = dataclasses.replace(preset.mapper, parts=2)  # as presets of publications have
+    mapper = dataclasses.replace(preset.mapper, parts=2)  # as in the presets of publications
     slam = Slam(_briefly(dataclasses.replace(preset, ba=ba, mapper=mapper), "rendering"))
     for frame in textured_wall(3):
         slam.process(frame)
 
 
 def _track_and_mesh(report: Report) -> _TinyRun:
-    """Frames of the built-in room, tracked and meshed."""
+    """Track and mesh frames of the built-in room."""
     report("the built-in room")
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
@@ -128,7 +127,7 @@ def _track_and_mesh(report: Report) -> _TinyRun:
 
     room = build_room(SynthOptions().size_m, 0)
     build_atlas(Scene(room.shell, [Zone([], room.zones[0].lamps_m)]), 0, 4.0)
-    next(iter(open_source("synth:room").frames()))  # its textures are kept, too
+    next(iter(open_source("synth:room").frames()))  # caches its textures too
     options = SourceOptions(
         noise="kinect", frames=3, synth=SynthOptions(width_px=_WIDTH_PX, height_px=_HEIGHT_PX)
     )
@@ -174,7 +173,7 @@ def _track_and_mesh(report: Report) -> _TinyRun:
     queries = MapQueries(parameters.layout, parameters.params)
     depth_at_center_m = float(np.median(depth_m))
 
-    def plane(points: np.ndarray) -> np.ndarray:  # the map knows no surface yet
+    def plane(points: np.ndarray) -> np.ndarray:  # the map has no surface yet
         return depth_at_center_m - points[:, 2] + 0.0 * queries.sdf(points)
 
     keyframes = [(np.full_like(depth_m, depth_at_center_m), T_world_cam)]
@@ -189,7 +188,7 @@ def _track_and_mesh(report: Report) -> _TinyRun:
 
 
 def _compile_the_rest(made: _TinyRun, report: Report) -> None:
-    """What asks the map of a run, and what judges it."""
+    """Compile the kernels for distances, queries and the evaluation."""
     report("distances")
     import numpy as np
 
@@ -234,7 +233,7 @@ def _compile_the_rest(made: _TinyRun, report: Report) -> None:
 
 
 def _briefly(config: "SlamConfig", method: Literal["alignment", "rendering"]) -> "SlamConfig":
-    """One iteration of everything for every frame."""
+    """A configuration with one iteration for each frame."""
     return dataclasses.replace(
         config,
         tracker=dataclasses.replace(config.tracker, method=method),

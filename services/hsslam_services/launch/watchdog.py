@@ -1,6 +1,6 @@
-"""Outlives the supervisor: if that dies without an orderly end, what the arena holds is saved, then removed.
+"""The watchdog: if the supervisor dies without an orderly end, saves the results in the arena and removes it.
 
-A process of its own that only waits for the kernel to free the supervisor's lock on the arena.
+This process waits until the kernel frees the supervisor's lock on the arena.
 """
 
 import argparse
@@ -18,14 +18,14 @@ from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
 from hsslam_services.run.stop_signals import END_SIGNAL
 
-_GRACE_S = 4.0  # for the processes to end; the recorder finishes its file
+_GRACE_S = 4.0  # for the processes to end; the recorder has longer
 _LONGEST_RECORDER_S = 30.0
 _POLL_S = 0.02
-_RECORDER = "recorder"  # its name in the registry
+_RECORDER = "recorder"  # name in the registry
 
 
 def main() -> None:
-    """Wait for the supervisor to end; let the others end, kill the rest, save and free the arena."""
+    """Wait for the end of the supervisor; end or kill the other processes, save and remove the arena."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     parser = argparse.ArgumentParser(prog="hsslam watchdog")
@@ -33,33 +33,31 @@ def main() -> None:
     parser.add_argument("--arena", type=Path, required=True, metavar="DIR", help="the arena folder")
     args = parser.parse_args()
     with owned_after_death(args.arena) as is_there:
-        if is_there and not is_marked(args.arena):  # else an orderly end
+        if is_there and not is_marked(args.arena):  # else it was an orderly end
             _save_and_remove(args.arena, args.run)
 
 
 def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
-    with contextlib.suppress(
-        OSError
-    ):  # the memory is full: no process removes the arena while this one owns it
+    with contextlib.suppress(OSError):  # the memory is full; this process owns the arena anyway
         mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
     for pid in living_processes(arena_dir):
-        _signal(pid, END_SIGNAL)  # also one that was not yet listening when its parent died
-    from hsslam_services.artefacts.replaced_results import ReplacedResults  # a small process waits
+        _signal(pid, END_SIGNAL)  # a process may have had no handler when its parent died
+    from hsslam_services.artefacts.replaced_results import ReplacedResults  # late: saves memory
 
     before = ReplacedResults(run_dir)
-    # the supervisor removes them once its run has a second pose or a map
+    # the supervisor removes the previous results once its run has a second pose or a map
     if pose_count(arena_dir) > (1 if before.exists else 0):
         _save(arena_dir, run_dir)
     else:
         _kill(_wait_for_end(arena_dir))
-        with contextlib.suppress(OSError):  # else the next run in this folder does
+        with contextlib.suppress(OSError):  # if this fails, the next run in this folder does it
             before.give_back()
         remove_arena(arena_dir)
 
 
 def _save(arena_dir: Path, run_dir: Path) -> None:
-    """Save all; the arena stays, marked, where this fails."""
-    from hsslam_services.artefacts.rescue import rescue  # while they end: PyTorch takes a second
+    """Save all results; if this fails, the arena stays and is marked as unsaved."""
+    from hsslam_services.artefacts.rescue import rescue  # while they end: PyTorch takes 1 s
     from hsslam_services.run.process_result import read_result
     from hsslam_services.run.summary import update_summary
 
@@ -81,7 +79,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
 
 
 def _wait_for_end(arena_dir: Path) -> set[int]:
-    """Wait for the processes of the arena, kill those that do not end; the recorders that still write."""
+    """Wait for the processes of the arena, kill those that do not end; returns recorders that still write."""
     deadline = time.monotonic() + _GRACE_S
     while (living := living_processes(arena_dir)) and time.monotonic() < deadline:
         recorders = {pid for pid, name in living.items() if name == _RECORDER}

@@ -1,4 +1,4 @@
-"""What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor."""
+"""The common part of a run's processes: bus, arena, heartbeat, signals, death with the supervisor."""
 
 import contextlib
 import gc
@@ -34,19 +34,18 @@ if TYPE_CHECKING:
     from hsslam_services.arena.arena import Arena
 
 _HEARTBEAT_S = 0.5
-FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between two tries
+FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between tries
 _POLL_S = 0.2  # of a pause
 _TRIM_EVERY_S = 10.0
 _EMA = 0.1  # weight of a new stage time
-_TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
+_REPORT_AGAIN = 10  # times as many rejected messages as in the last report
 
 
 class Worker:
-    """One process of a run, as a context: heartbeats from entry to exit.
+    """One process of a run, as a context manager: it sends heartbeats from entry to exit.
 
-    The loop calls `ready` when it can take work, and `should_stop` each time it comes round (at
-    least every few seconds: that is what the supervisor's stall timeout watches). `counters` and
-    `stage_ms` travel with every heartbeat.
+    The loop calls `ready` when it takes work, and `should_stop` in each turn, at least every few seconds:
+    the supervisor's stall timeout watches these calls. Each heartbeat has `counters` and `stage_ms`.
     """
 
     def __init__(self, name: str, run: RunInfo) -> None:
@@ -63,8 +62,8 @@ class Worker:
         self._state = "starting"
         self._stop = threading.Event()
         self._ended = threading.Event()
-        self._turned_s = time.monotonic()
-        self._tell_rejected: dict[str, int] = {}  # by topic: the count at which to tell it next
+        self._loop_s = time.monotonic()
+        self._report_rejected_at: dict[str, int] = {}  # by topic: next count to report
         self._memory = OwnMemory()
         self._result = ProcessResult()
         self._events = self.bus.publisher(topics.EVENT)
@@ -91,14 +90,14 @@ class Worker:
         return Arena(Path(self.run.arena_dir))
 
     def ready(self) -> None:
-        """Tell everybody that work is taken from now on; they wait for it."""
-        gc.freeze()  # collections pass over what was imported and loaded until now
+        """Announce that this process takes work; other processes wait for this."""
+        gc.freeze()  # collections skip all objects so far
         self._state = "running"
         self._publish_health()
 
     def should_stop(self) -> bool:
-        """Whether the loop must end: the supervisor says so, or is gone."""
-        self._turned_s = time.monotonic()
+        """Whether the loop must end: the supervisor has sent the signal, or is gone."""
+        self._loop_s = time.monotonic()
         return self._stop.is_set()
 
     def is_orphan(self) -> bool:
@@ -106,18 +105,18 @@ class Worker:
         return os.getppid() != self.run.supervisor_pid
 
     def stop_event(self) -> threading.Event:
-        """Set when `should_stop`; to wait on instead of sleeping."""
+        """The event that is set when the loop must end; wait on it instead of sleeping."""
         return self._stop
 
     def pause(self, seconds: float) -> None:
-        """Wait so long, or until the worker must stop; the supervisor sees it come round."""
+        """Wait for `seconds` or until the worker must stop; counts as turns of the loop."""
         left_s = seconds
         while left_s > 0 and not self.should_stop():
             self._stop.wait(min(_POLL_S, left_s))
             left_s -= _POLL_S
 
     def tries(self) -> Iterator[None]:
-        """One item for each try of what may work later, with growing pauses between, until it must stop."""
+        """Yield once for each try, with growing pauses between, until the worker must stop."""
         pause_s = FIRST_PAUSE_S
         while not self.should_stop():
             yield
@@ -130,7 +129,7 @@ class Worker:
 
     @contextlib.contextmanager
     def timed(self, stage: str) -> Iterator[None]:
-        """Time a block; its running mean (ms) travels with the heartbeat."""
+        """Time a block; the heartbeat has its running mean (ms)."""
         start = time.perf_counter()
         yield
         took_ms = 1e3 * (time.perf_counter() - start)
@@ -138,7 +137,7 @@ class Worker:
         self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
 
     def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        """Report to the operator: status line, log, viewer. A full disk costs the line in the log alone."""
+        """Report to the operator: status line, log, viewer. A full disk costs only the line in the log."""
         with contextlib.suppress(OSError):
             print(f"{level}: {text}", file=sys.stderr, flush=True)
         self._events.put(
@@ -146,30 +145,29 @@ class Worker:
         )
 
     def warn_once(self, report: Report) -> None:
-        """Count it by its kind, and tell the operator of the first of them."""
+        """Count a report by its kind; send a warning for the first of each kind."""
         if self.counters.add(report.kind, 1) == 1:
             self.event("warning", f"{report.text} (further ones are counted)")
 
     def add_to_summary(self, section: Mapping[str, Any]) -> None:
-        """Leave a section of summary.json for the supervisor, beside those left before."""
+        """Add a section of summary.json to this process's result, for the supervisor."""
         sections = {**self._result.summary, **section}
-        self._leave(msgspec.structs.replace(self._result, summary=sections))
+        self._save_result(msgspec.structs.replace(self._result, summary=sections))
 
     def answer(self, answer: msgspec.Struct) -> None:
-        """Leave the answer to the request that started this process."""
-        self._leave(msgspec.structs.replace(self._result, answer=msgspec.to_builtins(answer)))
+        """Add the answer to the request that started this process to its result."""
+        self._save_result(msgspec.structs.replace(self._result, answer=msgspec.to_builtins(answer)))
 
-    def _leave(self, result: ProcessResult) -> None:
+    def _save_result(self, result: ProcessResult) -> None:
         self._result = result
         try:
             write_result(self.run.path, self.name, result)
         except OSError as error:
-            self.event(
-                "error", f"{self.run.path}: {error.strerror}: result of {self.name} not left"
-            )
+            text = f"{self.run.path}: {error.strerror}: result of {self.name} not saved"
+            self.event("error", text)
 
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
-        """Once is enough: a second one within `set` would wait for ever for the first one's lock."""
+        """Handle only the first signal: a second one during `set` would deadlock on its lock."""
         signal.signal(END_SIGNAL, signal.SIG_IGN)
         self._stop.set()
 
@@ -184,10 +182,10 @@ class Worker:
                 break
             if self.is_orphan():
                 self._stop.set()
-        self._publish_health(self._last_health)  # the recorder waits for it: nothing comes after it
+        self._publish_health(self._last_health)  # the recorder waits for it: no message follows it
 
     def _publish_health(self, publisher: Publisher[Health] | None = None) -> None:
-        state = self._state  # first, so that what was counted before "running" goes with it
+        state = self._state  # read before the counters, so that "running" comes with them
         counters = self.counters.copy()
         counts: dict[str, TopicCounts] = {}
         for subscription in self.bus.subscriptions:
@@ -196,7 +194,7 @@ class Worker:
                 rejected=subscription.rejected,
                 received=subscription.received,
             )
-            self._tell_of(subscription)
+            self._report_rejected(subscription)
         (publisher or self._health).put(
             Health(
                 process=self.name,
@@ -204,19 +202,19 @@ class Worker:
                 state=state,
                 rss_bytes=_rss_bytes(),
                 pss_mb=self._memory.pss_mb(),
-                idle_ms=int(1e3 * (time.monotonic() - self._turned_s)),
+                idle_ms=int(1e3 * (time.monotonic() - self._loop_s)),
                 topics=counts,
                 counters=counters,
                 stage_ms=self.stage_ms.copy(),
             )
         )
 
-    def _tell_of(self, subscription: Subscription) -> None:
-        """Messages that could not be read: the first, and ever more of them."""
+    def _report_rejected(self, subscription: Subscription) -> None:
+        """Report the first rejected message of a topic, and again at each tenfold count."""
         count, topic = subscription.rejected, subscription.topic.name
         rejections = subscription.take_rejections()
-        if rejections and count >= self._tell_rejected.get(topic, 1):
-            self._tell_rejected[topic] = _TOLD_AGAIN * count
+        if rejections and count >= self._report_rejected_at.get(topic, 1):
+            self._report_rejected_at[topic] = _REPORT_AGAIN * count
             so_far = f" ({count} so far)" if count > 1 else ""
             self.event("warning", f"dropped: {rejections[0].text}{so_far}")
 

@@ -1,4 +1,4 @@
-"""The device of a process of a run, and who is told of it; alone, as few processes compute on one."""
+"""Chooses and reports the device of a process; apart, as few processes compute on a device."""
 
 import dataclasses
 
@@ -11,14 +11,14 @@ from hsslam_services.launch.worker import Worker
 def worker_device(
     worker: Worker, *, warm_started: bool = False, after_the_last_frame: bool = False
 ) -> Device:
-    """What the run's option comes to in this process.
+    """Choose the device of this process by `--device`.
 
-    With `warm_started` a GPU's kernels are compiled and loaded now, not when a frame waits for them. A
-    process that works `after_the_last_frame` has all cores that are granted. So has each in lockstep, as
-    they compute one after the other. Otherwise a process has one core.
+    `warm_started`: compile and load the kernels of a GPU now, not when a frame waits for them. A process has
+    one core. It has all granted cores if it works `after_the_last_frame`, or in lockstep, as processes
+    then compute in turn.
 
     Raises:
-        UserError: CUDA is asked for and does not work; the run ends with that line.
+        UserError: `--device cuda` and CUDA does not work; this ends the run.
     """
     in_lockstep = worker.options.pace == "lockstep"
     has_all = after_the_last_frame or in_lockstep
@@ -33,7 +33,7 @@ def worker_device(
 
 
 def tell_device(worker: Worker, device: Device) -> None:
-    """For one process of the run: an event for status line, log and viewer, and a section of the summary."""
+    """Report the device as an event and in the summary; call this in one process of the run."""
     worker.event("info", f"the map is computed by {device}")
     if warning := not_reproducible(worker.options.pace, device):
         worker.event("warning", warning)
@@ -41,7 +41,7 @@ def tell_device(worker: Worker, device: Device) -> None:
 
 
 def not_reproducible(pace: str, device: Device) -> str | None:
-    """The warning of a lockstep run whose result differs from run to run; None for all others."""
+    """A warning if the results of a lockstep run are not reproducible on this device; else None."""
     if pace != "lockstep" or device.kind != "cuda":
         return None
     return "--device cuda: lockstep is not reproducible on a GPU: expected cpu or auto for equal results"

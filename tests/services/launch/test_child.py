@@ -168,7 +168,7 @@ def test_a_crash_after_it_was_told_to_end_is_told(watch):
     until(lambda: child.state == "running")
     child.wanted = False
     until(lambda: child.state == "ended")
-    assert child.news == ["sample_worker was killed by SIGABRT, after it was told to end"]
+    assert child.news == ["sample_worker was killed by SIGABRT while it ended"]
     assert child.exit_code == -signal.SIGABRT
 
 
