@@ -1,1 +1,1 @@
-"""The MCAP log of a run: written, recovered, read."""
+"""The MCAP log of a run: writing, recovery, reading."""

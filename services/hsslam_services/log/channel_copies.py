@@ -1,4 +1,4 @@
-"""Names of what a log says of itself, and its definitions of channels, kept in more than one place."""
+"""Copies of a log's schemas and channels, and the names of its metadata."""
 
 import time
 
@@ -8,16 +8,16 @@ from mcap.writer import Writer
 
 from hsslam_services.log.whole_records import written
 
-LIBRARY = "hsslam-node"  # how the library of our files begins
+LIBRARY = "hsslam-node"  # prefix of `library` in the header of our files
 RUN_METADATA = "hsslam.run"
-CHANNELS = "hsslam.channels"  # an attachment: schemas and channels as records, in an LZ4 frame
+CHANNELS = "hsslam.channels"  # attachment: records of schemas and channels in an LZ4 frame
 _EVERY_S = 10.0
 
 
 class ChannelCopies:
-    """Writes schemas and channels of a log again and again, as attachments: they carry a sum.
+    """Writes copies of a log's schemas and channels as attachments, which have a checksum.
 
-    A chunk has them for the channels only that begin in it. If it is damaged, recovery reads the other
+    Only the chunk in which a channel begins defines it. If that chunk is damaged, recovery reads the other
     chunks with a copy.
     """
 
@@ -30,7 +30,7 @@ class ChannelCopies:
     def register(
         self, topic: str, encoding: str, schema_name: str, schema_encoding: str, schema: bytes
     ) -> int:
-        """Begin a channel with a schema of its own; its id."""
+        """Begin a channel with its own schema; returns the id of the channel."""
         schema_id = self._writer.register_schema(schema_name, schema_encoding, schema)
         channel_id = self._writer.register_channel(topic, encoding, schema_id)
         self._records += written(
@@ -41,7 +41,7 @@ class ChannelCopies:
         return channel_id
 
     def write_if_due(self) -> None:
-        """Write a copy soon after a channel begins, and every 10 s; call it between two chunks."""
+        """Write a copy after a channel has begun, and every 10 s; call it between two chunks."""
         now_s = time.monotonic()
         if not self._records or not (self._are_new or now_s - self._written_s >= _EVERY_S):
             return

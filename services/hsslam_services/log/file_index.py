@@ -1,4 +1,4 @@
-"""The end of an MCAP file: its index and statistics, gathered from its records as they pass."""
+"""The end of an MCAP file: index and statistics, gathered from its records."""
 
 import struct
 import zlib
@@ -29,10 +29,10 @@ _FOOTER = struct.Struct("<BQQQI")
 
 
 class FileIndex:
-    """`add` takes each record with its place in the file; `end` is what closes the file.
+    """Collects records by `add`; `end` returns the bytes that close the file.
 
-    `schemas` and `channels` are by id; a channel that messages name and no record defines gets a
-    stand-in (`lost/ID`), so that readers find the others.
+    `schemas` and `channels` are by id. `stand_in` defines each channel that messages use and no record
+    defines as `lost/ID`, so that readers find the others.
     """
 
     def __init__(self) -> None:
@@ -46,16 +46,16 @@ class FileIndex:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic."""
+        """Number of messages by topic."""
         return {self.channels[id].topic: count for id, count in self._counts.items()}
 
     def define(self, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
-        """Take definitions; those that are known stay."""
+        """Add definitions; known ones stay."""
         self.schemas = {**schemas, **self.schemas}
         self.channels = {**channels, **self.channels}
 
     def add(self, found: Found, position: int) -> None:
-        """Take a record that lies at `position`."""
+        """Add a record at byte `position`."""
         record = found.record
         if isinstance(record, Chunk) and found.content is not None:
             self._add_chunk(record, found.content, position, len(found.data))
@@ -79,7 +79,7 @@ class FileIndex:
             self._metadata.append(MetadataIndex(position, len(found.data), record.name))
 
     def stand_in(self) -> None:
-        """Define what messages name and no record defines."""
+        """Define the channels and schemas that are used and not defined."""
         for id in self._counts.keys() - self.channels.keys():
             self.channels[id] = Channel(id, f"lost/{id}", "", {}, 0)
         for channel in self.channels.values():
@@ -87,7 +87,7 @@ class FileIndex:
                 self.schemas[channel.schema_id] = Schema(channel.schema_id, b"", "", "lost")
 
     def end(self, position: int) -> bytes:
-        """DataEnd, summary, footer and magic, for a file whose data end at `position`."""
+        """DataEnd, summary, footer and magic, for a file whose data end at byte `position`."""
         data_end = written(DataEnd(0))
         start = position + len(data_end)
         groups: tuple[tuple[Opcode, list[McapRecord]], ...] = (
@@ -153,7 +153,7 @@ class FileIndex:
 
 
 def is_finished(path: Path) -> bool:
-    """Whether the file ends with a whole summary, footer and magic."""
+    """Whether the file ends with an intact summary, footer and magic."""
     end_bytes = _FOOTER.size + len(MAGIC)
     size = path.stat().st_size
     if size < len(MAGIC) + end_bytes:
@@ -164,7 +164,7 @@ def is_finished(path: Path) -> bool:
         opcode, _, summary_start, _, crc = _FOOTER.unpack_from(end)
         if not end.endswith(MAGIC) or opcode != Opcode.FOOTER:
             return False
-        if crc == 0:  # not summed
+        if crc == 0:  # no checksum
             return True
         if not 0 < summary_start <= size - end_bytes:
             return False

@@ -1,4 +1,4 @@
-"""Frames made small for the log and the viewer."""
+"""Compresses frames for the log and the viewer."""
 
 from typing import Literal
 
@@ -15,10 +15,10 @@ _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 def compress_frame(frame: Frame, color: Literal["jpeg", "png"] = "jpeg") -> Frame:
     """The frame with colour as JPEG (quality 90) or lossless PNG and depth as lossless 16-bit PNG.
 
-    Colour that comes as JPEG stays as it came; its header is looked at.
+    Colour that comes as JPEG stays unchanged; only its header is checked.
 
     Raises:
-        UserError: an image cannot be read, or is of another size than the message says.
+        UserError: an image cannot be read, or its size differs from that in the message.
     """
     expect_headers(frame)
     is_jpeg = color == "jpeg" or frame.color_encoding == "jpeg"
@@ -32,7 +32,7 @@ def compress_frame(frame: Frame, color: Literal["jpeg", "png"] = "jpeg") -> Fram
 
 
 def jpeg(frame: Frame) -> bytes:
-    """Colour as JPEG; one that comes as JPEG is passed on."""
+    """Colour as JPEG; a JPEG stays unchanged."""
     if frame.color_encoding == "jpeg":
         return bytes(frame.color)
     image = cv2.cvtColor(color_image(frame), cv2.COLOR_RGB2BGR)

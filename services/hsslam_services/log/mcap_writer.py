@@ -1,4 +1,4 @@
-"""One MCAP file of the log of a run: bus layer and Foxglove layer."""
+"""Writes one MCAP file of the log of a run: bus layer and Foxglove layer."""
 
 import shutil
 import time
@@ -27,12 +27,11 @@ _ROOM_AGAIN = 1.5  # times the reserve
 class McapLog:
     """An open log file; `write` adds a message of the bus, `write_viz` one of the /viz layer.
 
-    Bus channels carry the payload as it was published (topic = zenoh key, encoding `msgpack`, JSON
-    Schema); `counts` has the messages of each topic. Everything is in the file 1 s later and on the disk
-    as soon as that has written it, so that a power cut costs 2 s.
-    `metadata` becomes the record `hsslam.run` at the start. `space_is_short` turns true when less than
-    `reserve_bytes` are free: then log nothing large. A message is refused, and counted in `refused`, when
-    too much waits for a full disk.
+    Bus channels hold the payload as published (topic = zenoh key, encoding `msgpack`, JSON Schema);
+    `counts`: messages by topic. A message is in the file 1 s later, and then synced to disk, so that a power
+    cut loses 2 s. `metadata` becomes the record `hsslam.run` at the start.
+    `space_is_short` is true while less than `reserve_bytes` are free: then log nothing large. If too much
+    data waits for a full disk, messages are refused and counted in `refused`.
     """
 
     def __init__(
@@ -63,7 +62,7 @@ class McapLog:
     def write(
         self, topic: Topic, payload: bytes, log_ns: int, publish_ns: int, sequence: int
     ) -> bool:
-        """Log one message of the bus; times are wall clock, `log_ns` is its arrival. False: refused."""
+        """Log one message of the bus; times are wall clock, `log_ns`: its arrival. False: refused."""
         if self._is_full():
             self.refused += 1
             return False
@@ -77,7 +76,7 @@ class McapLog:
         return True
 
     def write_viz(self, message: VizMessage, log_ns: int, stamp_ns: int) -> None:
-        """Log one message of the /viz layer: when it came, and the stamp of what it shows."""
+        """Log one message of the /viz layer; `log_ns`: its arrival, `stamp_ns`: of what it shows."""
         if self._is_full():
             return
         if message.topic not in self._channels:
@@ -96,26 +95,26 @@ class McapLog:
 
     @property
     def bytes_written(self) -> int:
-        """Size of the file so far, without what the next flush adds."""
+        """Size of the file so far, without data that is not flushed."""
         return self._file.tell()
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for room on the disk; 0 in health."""
+        """Bytes that wait for room on a full disk; normally 0."""
         return self._file.pending_bytes
 
     @property
     def sync_error(self) -> str:
-        """Why the disk refused what it had accepted before; empty in health."""
+        """Error of the last failed sync to disk; normally empty."""
         return self._file.sync_error
 
     @property
     def channel_keys(self) -> dict[int, str]:
-        """Topics of the channels so far, by id."""
+        """Keys of the channels so far, by id."""
         return {id: key for key, id in self._channels.items()}
 
     def tick(self) -> bool:
-        """Call it often; once a second it brings everything to the file, and True is returned."""
+        """Flush everything to the file once a second, and then return True; call this often."""
         if time.monotonic() - self._flushed_s < _FLUSH_S:
             return False
         self._flushed_s = time.monotonic()
@@ -127,7 +126,7 @@ class McapLog:
         return True
 
     def close(self) -> int:
-        """Write the index, bring all to the disk, close; returns the bytes that a full disk refused."""
+        """Write the index, sync to disk, close; returns the number of bytes lost to a full disk."""
         self._writer.finish()
         self._file.close()
         return self._file.pending_bytes

@@ -1,4 +1,4 @@
-"""The log that the recorder writes: one MCAP file after another, each of which opens alone."""
+"""The log of the recorder, split into MCAP files (parts), each of which opens alone."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -15,27 +15,27 @@ from hsslam_services.log.mcap_writer import McapLog
 from hsslam_services.log.parts import next_part, remove_oldest
 from hsslam_services.run.run_info import RunInfo
 
-_PARTS_KEPT = 4  # at least, of a log with a limit of bytes
+_PARTS_KEPT = 4  # at least, if `keep_bytes` limits the log
 
 
 @dataclass(frozen=True)
 class LogSettings:
-    """How a run is logged; `metadata` goes into every part as the record `hsslam.run`.
+    """How a run is logged; each part gets `metadata` as the record `hsslam.run`.
 
-    Of a log with `keep_bytes` the oldest parts are removed; its parts are at most a quarter of that.
+    `keep_bytes` limits the log: the oldest parts are removed, and parts are at most a quarter of it.
     """
 
     color: Literal["jpeg", "png"] = "jpeg"
-    part_bytes: int | None = None  # none: one file
-    keep_bytes: int | None = None  # none: all
+    part_bytes: int | None = None  # None: one file
+    keep_bytes: int | None = None  # None: no limit
     metadata: Mapping[str, str] = field(default_factory=dict)
 
 
 class PartedLog:
-    """As `McapLog`, going on in the next part (run.1.mcap, ...) of the run folder when one is full.
+    """As `McapLog`, split into parts: when one is full, the next begins (run.1.mcap, ...).
 
-    A part brings its own schemas, channels, index and metadata. `counts` is over all parts written
-    here; `removed` are the parts that were too much to keep.
+    A part has its own schemas, channels, index and metadata. `counts`: over all parts written here.
+    `removed`: names of the parts that were removed for `keep_bytes`.
 
     Raises:
         OSError: the first part cannot be written.
@@ -53,47 +53,47 @@ class PartedLog:
 
     @property
     def path(self) -> Path:
-        """The part that is being written."""
+        """The current part."""
         return self._part.path
 
     @property
     def counts(self) -> Counter[str]:
-        """Messages of each topic so far."""
+        """Number of messages by topic so far."""
         return self._closed_counts + self._part.counts
 
     @property
     def space_is_short(self) -> bool:
-        """As of `McapLog`."""
+        """As in `McapLog`."""
         return self._part.space_is_short
 
     def write(
         self, topic: Topic, payload: bytes, log_ns: int, publish_ns: int, sequence: int
     ) -> bool:
-        """Log one message of the bus; a part that is full ends before it. As of `McapLog`."""
+        """Log one message of the bus, as `McapLog.write`; begins the next part if this one is full."""
         self._turn_if_full()
         return self._part.write(topic, payload, log_ns, publish_ns, sequence)
 
     def write_viz(self, message: VizMessage, log_ns: int, stamp_ns: int) -> None:
-        """Log one message of the /viz layer, in the part of what it shows."""
+        """Log one message of the /viz layer in the current part."""
         self._part.write_viz(message, log_ns, stamp_ns)
 
     @property
     def refused(self) -> int:
-        """Messages that found no room on a full disk, nor in memory."""
+        """Number of messages lost because the disk and the memory for waiting data are full."""
         return self._closed_refused + self._part.refused
 
     @property
     def sync_error(self) -> str:
-        """As of `McapLog`."""
+        """As in `McapLog`."""
         return self._part.sync_error
 
     @property
     def place(self) -> tuple[Path, int, dict[int, str]]:
-        """Where the log ends after a `tick` that flushed: part, bytes, keys of the channels by id."""
+        """The end of the log after a `tick` that flushed: part, its bytes, keys of its channels by id."""
         return self._part.path, self._part.bytes_written, self._part.channel_keys
 
     def tick(self) -> bool:
-        """Call it often; once a second it flushes everything, and says whether all is in the file."""
+        """Flush once a second, and then return whether all data is in the file; call this often."""
         if not self._part.tick():
             return False
         if self.settings.keep_bytes is not None:
@@ -102,14 +102,14 @@ class PartedLog:
         return self._part.pending_bytes == 0
 
     def close(self) -> int:
-        """Finish the last part; returns the bytes that a full disk refused (0 in health)."""
+        """Finish the last part; returns the number of bytes lost to a full disk, normally 0."""
         return self._lost_bytes + self._part.close()
 
     def _turn_if_full(self) -> None:
         limit, keep = self.settings.part_bytes, self.settings.keep_bytes
         if keep is not None:
             limit = min(limit or keep, keep // _PARTS_KEPT)
-        # on a full disk there is no room for an index: stay, and let the part catch up
+        # a full disk has no room for the index: go on with this part
         if limit is None or self._part.bytes_written < limit or self._part.space_is_short:
             return
         following = self._next_part()
@@ -124,7 +124,7 @@ class PartedLog:
 
 
 def log_settings(run: RunInfo) -> LogSettings:
-    """How this run wants its log."""
+    """The log settings of this run."""
     options = run.options
     metadata = {
         "run_id": run.run_id,

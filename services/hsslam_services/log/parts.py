@@ -1,4 +1,4 @@
-"""The files of the log of a run, in a file apart as writer, readers and recovery share their names."""
+"""Names of the files of a log; apart as writer, readers and recovery share them."""
 
 import re
 from pathlib import Path
@@ -7,18 +7,18 @@ _PART = re.compile(r"run(?:\.(\d+))?\.mcap")
 
 
 def parts(run_dir: Path) -> list[Path]:
-    """The parts of the log of a run, in order: run.mcap, run.1.mcap, ...; the oldest may be gone."""
+    """The parts of a run's log, in order: run.mcap, run.1.mcap, ...; the oldest may be removed."""
     found = [path for path in run_dir.glob("run*.mcap") if is_part(path.name)]
     return sorted(found, key=part_number)
 
 
 def is_part(name: str) -> bool:
-    """Whether a file of this name is a part of the log of a run."""
+    """Whether this is the name of a part of a log."""
     return _PART.fullmatch(name) is not None
 
 
 def next_part(run_dir: Path) -> Path:
-    """Where the next part of the log of a run goes."""
+    """The path of the next part of a run's log."""
     existing = parts(run_dir)
     if not existing:
         return run_dir / "run.mcap"
@@ -32,9 +32,9 @@ def part_number(path: Path) -> int:
 
 
 def remove_oldest(run_dir: Path, keep_bytes: int) -> list[Path]:
-    """Remove the oldest parts until all are `keep_bytes` or less, but never the newest; returns them.
+    """Remove the oldest parts, but never the newest, until the log fits `keep_bytes`; returns the removed.
 
-    The file for rerun of a part (run.1.rrd of run.1.mcap) counts and goes with it.
+    The rerun file of a part (run.1.rrd of run.1.mcap) counts and is removed with it.
 
     Raises:
         OSError: a part cannot be removed.

@@ -1,4 +1,4 @@
-"""Poses of a log as published and as corrected by bundle adjustment."""
+"""Reads the poses of a log, as published and as corrected by bundle adjustment."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,13 +16,12 @@ from hsslam_services.log.reader import bus_messages
 
 @dataclass(frozen=True)
 class LoggedPoses:
-    """Each frame once, lost ones in `poses` only.
+    """The poses of one map epoch, each frame once; lost frames are in `poses` only.
 
-    `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt, and has the
-    frames of fragments that joined the map; a pose whose keyframe the log neither has nor corrects (a part
-    of it was cut off) stays as published. `keyframes` are the run's own, without those of a saved map.
-    `fragments` has the frames of those that did not join, by number, as published: each fragment has a
-    coordinate frame of its own.
+    `final`: `online` corrected with the reference keyframes, and the frames of fragments that joined the
+    map, as in trajectory.txt of a run. If the log lacks the keyframe of a pose, as after a cut, the pose
+    stays as published. `keyframes`: of the run, without those of a loaded map. `fragments`: poses of
+    fragments that did not join, by number, as published, each in its own coordinate frame.
     """
 
     poses: list[messages.Pose]
@@ -33,17 +32,17 @@ class LoggedPoses:
 
 
 def logged_poses(files: list[Path]) -> LoggedPoses:
-    """Read them from the files of one log, in order; those of the last map epoch.
+    """The poses of the last map epoch, from the files of one log, in order.
 
     Raises:
-        UserError: a file is damaged, or of a version that cannot be read.
+        UserError: a file is damaged, or of an unsupported version.
     """
     epochs = logged_epochs(files)
     return epochs[max(epochs)]
 
 
 def logged_epochs(files: list[Path]) -> dict[int, LoggedPoses]:
-    """The same of all map epochs, by number: one more each time that the map was thrown away."""
+    """The poses of all map epochs of one log, by epoch."""
     epochs: dict[int, _Found] = {}
     for logged in bus_messages(files, {POSE.name, KEYFRAME.name, CORRECTION.name}):
         match logged.message():
@@ -63,11 +62,11 @@ Name = tuple[int, int]  # publisher and index of a frame
 
 @dataclass
 class _Found:
-    """What was read so far; keyframe poses are those of now."""
+    """The messages read so far; keyframe poses are the newest."""
 
     poses: dict[Name, messages.Pose] = field(default_factory=dict)
     T_keyframe_cam: dict[Name, np.ndarray] = field(default_factory=dict)
-    waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
+    waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # by keyframe
     keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
     stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes of the run, by id
     # keyframes of fragments that joined, by fragment and number in it
@@ -75,7 +74,7 @@ class _Found:
 
     def add_pose(self, pose: messages.Pose) -> None:
         if _name(pose) in self.poses:
-            return  # a frame that was sent again is answered again
+            return  # the frame was sent again
         self.poses[_name(pose)] = pose
         if pose.status == "lost":
             return
@@ -89,7 +88,7 @@ class _Found:
     def add_keyframe(self, keyframe: messages.Keyframe) -> None:
         self.keyframes[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
         self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
-        if keyframe.fragment and keyframe.fragment_keyframe >= 0:  # older logs do not tell it
+        if keyframe.fragment and keyframe.fragment_keyframe >= 0:  # -1 in older logs
             of_fragment = self.brought.setdefault(keyframe.fragment, {})
             of_fragment[keyframe.fragment_keyframe] = keyframe
         for pose in self.waiting.pop(keyframe.id, []):
@@ -137,7 +136,7 @@ class _Found:
 
 
 def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
-    """With poses by odometry alone as `final_trajectory` of the pose log has them."""
+    """Correct the dead-reckoned poses, as `final_trajectory` of the pose log does."""
     is_dead_reckoned = np.array([pose.is_dead_reckoned for pose in poses], bool)
     if not is_dead_reckoned.any():
         return final

@@ -1,4 +1,4 @@
-"""Logs opened for reading: an unfinished log is recovered first, a log being written is refused."""
+"""Opens logs for reading; recovers an unfinished log first, and refuses a log that a run still writes."""
 
 import errno
 import fcntl
@@ -34,10 +34,10 @@ _FORMER_KEY = b"\xa5world"  # msgpack of the string
 
 @contextmanager
 def log_reader(path: Path) -> Iterator[McapReader]:
-    """A reader that checks all sums; whatever a damaged file raises while it is read becomes one line.
+    """A reader that checks all checksums; turns errors of a damaged file in the block into `UserError`.
 
     Raises:
-        UserError: the file claims to be whole and is not.
+        UserError: the file is damaged.
     """
     with path.open("rb") as stream:
         try:
@@ -45,20 +45,20 @@ def log_reader(path: Path) -> Iterator[McapReader]:
         except TORN as error:
             raise _damaged(path, error) from None
         except OSError as error:
-            if error.errno != errno.EINVAL:  # of a place that no file has
+            if error.errno != errno.EINVAL:  # a seek to an impossible place
                 raise
             raise _damaged(path, error) from None
 
 
 def start_ns(reader: McapReader) -> int:
-    """Wall clock of the first message, ns; 0 where there is none."""
+    """Wall clock of the first message, ns; 0 without messages."""
     summary = reader.get_summary()
     statistics = summary.statistics if summary else None
     return statistics.message_start_time if statistics else 0
 
 
 def end_ns(reader: McapReader) -> int:
-    """Wall clock of the last message, ns; 0 where there is none."""
+    """Wall clock of the last message, ns; 0 without messages."""
     summary = reader.get_summary()
     statistics = summary.statistics if summary else None
     return statistics.message_end_time if statistics else 0
@@ -66,14 +66,14 @@ def end_ns(reader: McapReader) -> int:
 
 def _damaged(path: Path, error: Exception) -> UserError:
     return UserError(
-        f"{path}: damaged ({error!s:.120}): expected a whole MCAP file "
-        "(hsslam-log recover keeps what is whole)"
+        f"{path}: damaged ({error!s:.120}): expected an intact MCAP file "
+        "(hsslam-log recover keeps the intact records)"
     )
 
 
 @dataclass(frozen=True)
 class Logged:
-    """One message of the bus of a log: payload with the names of now, wall clock times."""
+    """One message of the bus in a log: payload with the present field names, wall clock times."""
 
     robot: str
     topic: Topic
@@ -83,7 +83,7 @@ class Logged:
     publish_ns: int
 
     def message(self) -> Message:
-        """The message itself; UserError where this version cannot read it."""
+        """The decoded message; raises UserError if this version cannot read it."""
         message = decode(self.topic, self.payload, self.encoding)
         if isinstance(message, Rejected):
             raise UserError(f"log: {message.text}")
@@ -91,7 +91,7 @@ class Logged:
 
 
 def _with_map_epoch(topic: Topic, payload: bytes) -> bytes:
-    """The payload with the field `map_epoch`, which logs of before 0.1.0 call `world`."""
+    """The payload with the field `map_epoch`, which logs from before 0.1.0 call `world`."""
     is_of_epoch = "map_epoch" in topic.message.__struct_fields__
     if not is_of_epoch or _FORMER_KEY not in payload:
         return payload
@@ -99,17 +99,17 @@ def _with_map_epoch(topic: Topic, payload: bytes) -> bytes:
         fields = msgspec.msgpack.decode(payload)
         return msgspec.msgpack.encode({"map_epoch": fields.pop("world"), **fields})
     except (msgspec.MsgspecError, ValueError, KeyError, AttributeError, RecursionError):
-        return payload  # no such field, or malformed: `decode` says so
+        return payload  # no such field, or malformed: `decode` reports it
 
 
 def log_parts(place: str | Path, say: Say) -> list[Path]:
-    """The files of a log (one MCAP file, or all parts in a run folder, in order), each readable.
+    """The readable files of a log: one MCAP file, or all parts in a run folder, in order.
 
-    An unfinished file is recovered; `say` takes the line that tells it. A part without messages, whose
-    recorder was killed at once, is left out if there are others.
+    Recovers unfinished files; `say` takes a line about each. Leaves out parts without messages, of a
+    recorder that was killed at once, if there are others.
 
     Raises:
-        UserError: no such file or folder, no MCAP file, or one that a run is still writing.
+        UserError: no such file or folder, no MCAP file, or a run still writes it.
     """
     found = log_files(place)
     for file in found:
@@ -124,7 +124,7 @@ def _has_messages(path: Path) -> bool:
 
 
 def log_files(place: str | Path) -> list[Path]:
-    """The files of a log as they are.
+    """The files of a log, without recovery.
 
     Raises:
         UserError: a folder without a log.
@@ -139,15 +139,15 @@ def log_files(place: str | Path) -> list[Path]:
 
 
 def is_log(place: str) -> bool:
-    """Whether a log is named, not a run folder with all its files."""
+    """Whether `place` names a log, not a run folder."""
     return bool(log_place(place)) or place.endswith(".mcap")
 
 
 def make_readable(path: Path, say: Say) -> bool:
-    """Recover the file if it is unfinished, and tell it; False if there was nothing to do.
+    """Recover the file if it is unfinished, and report this by `say`; False if it is finished.
 
     Raises:
-        UserError: it cannot be read, is no MCAP file, is being written, or is unfinished and not ours.
+        UserError: the file cannot be read, is no MCAP file, is still written, or is unfinished and not ours.
     """
     try:
         with path.open("rb") as stream:
@@ -164,12 +164,12 @@ def make_readable(path: Path, say: Say) -> bool:
 
 
 def expect_closed(path: Path) -> None:
-    """A run has locked the file that it writes. Where the file system knows no locks, a log without an end
-    is left alone as long as the run of its folder lives.
+    """Check that no run still writes the file, by the run's file lock. On a file system without locks, an
+    unfinished log counts as being written while the run of its folder lives.
 
     Raises:
-        UserError: a run is still writing the file.
-        OSError: it cannot be read.
+        UserError: a run still writes the file.
+        OSError: the file cannot be read.
     """
     with path.open("rb") as stream:
         try:
@@ -189,10 +189,10 @@ def _run_lives(folder: Path) -> bool:
 
 
 def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
-    """Messages of the bus in order of arrival, of the topics of these names (none: all known).
+    """Messages of the bus in order of arrival, of the topics of these names (None: all known).
 
-    One topic is read as it was written, whatever the wall clock did meanwhile. Several are written one after
-    the other, so the clock brings those of a file into order.
+    A single topic comes in the order of writing, even if the wall clock was set meanwhile. Several topics
+    are sorted by the wall clock, file by file.
     """
     for path in files:
         with log_reader(path) as reader:
@@ -215,7 +215,7 @@ def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iter
 def _records(
     path: Path, reader: McapReader, wanted: list[str]
 ) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
-    """Records of these keys. mcap would hold the whole file in memory to keep the order of one key."""
+    """Records of these keys; reads a single key by chunk, as mcap would hold the whole file in memory."""
     summary = reader.get_summary()
     if len(wanted) > 1 or summary is None or not summary.chunk_indexes:
         yield from reader.iter_messages(wanted)

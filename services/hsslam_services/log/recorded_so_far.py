@@ -1,4 +1,4 @@
-"""What a recorder has logged, in a small file beside the log, so that its successor goes on at once."""
+"""Saves what a recorder has logged, in a small file beside the log, for the next recorder after a crash."""
 
 import contextlib
 import os
@@ -14,28 +14,28 @@ from hsslam_services.log.parts import part_number, parts
 from hsslam_services.log.whole_records import Found, whole_records
 
 _FILE = ".run.mcap.recorded"
-_HEAD = struct.Struct("<II")  # length and sum of what follows
+_HEAD = struct.Struct("<II")  # length and CRC of the data
 _MOST_SENDERS = 256
 Identity = tuple[str, int, int]  # key, publish time ns, sequence
 
 
 class _Saved(msgspec.Struct, frozen=True, array_like=True):
-    """What is in the log up to `position` of `part`; `channels` are the keys of its channels."""
+    """State of the log up to byte `position` of `part`; `channels`: keys of its channels by id."""
 
     run_id: str
     part: str
     position: int
     channels: dict[int, str]
     counts: dict[str, int]
-    next_sequence: list[tuple[str, int, int]]  # of key and publisher
+    next_sequence: list[tuple[str, int, int]]  # key, publisher, sequence
 
 
 class RecordedSoFar:
-    """Counts by topic key, and the place of each publisher in its sequence.
+    """Number of logged messages by topic key, and the next sequence number of each publisher.
 
-    A new recorder of the same run reads what its predecessor has saved, and the end of the log from
-    there on: about a second of it. `has` is true of messages that the predecessor has logged; `add` takes
-    those that are logged now. The newest 256 publishers are known.
+    A restarted recorder reads the saved state, and from there to the end of the log, about a second of it.
+    `has` is true for messages that the previous recorder logged; `add` takes messages logged now. Knows
+    the newest 256 publishers.
     """
 
     def __init__(self, run_dir: Path, run_id: str) -> None:
@@ -49,7 +49,7 @@ class RecordedSoFar:
         self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def has(self, key: str, envelope: Envelope | None) -> bool:
-        """Whether the predecessor has logged this message."""
+        """Whether the previous recorder has logged this message."""
         if envelope is None:
             return False
         if envelope.sequence < self._before.get((key, envelope.publisher), 0):
@@ -62,21 +62,21 @@ class RecordedSoFar:
         return True
 
     def add(self, key: str, envelope: Envelope | None) -> None:
-        """A message is logged."""
+        """Count a logged message."""
         self.counts[key] += 1
         if envelope is not None:
             self._follow(key, envelope)
 
     def save(self, part: Path, position: int, channels: dict[int, str]) -> None:
-        """All that was added is in the log, up to `position` of `part`."""
+        """Save the state; all added messages are in the log, up to byte `position` of `part`."""
         senders = [(*sender, sequence) for sender, sequence in self._next.items()]
         saved = _Saved(self._run_id, part.name, position, channels, dict(self.counts), senders)
         data = msgspec.msgpack.encode(saved)
-        with contextlib.suppress(OSError):  # a full disk: the older one counts
+        with contextlib.suppress(OSError):  # a full disk: the older state stays
             os.pwrite(self._fd, _HEAD.pack(len(data), zlib.crc32(data)) + data, 0)
 
     def close(self) -> None:
-        """The run is over: no process goes on with it."""
+        """Remove the file at the end of the run."""
         os.close(self._fd)
         self._path.unlink(missing_ok=True)
 
@@ -89,7 +89,7 @@ class RecordedSoFar:
 
     def _read(self, run_dir: Path) -> None:
         saved = _saved(run_dir / _FILE)
-        if saved is None:  # the predecessor died before it saved, within its first second
+        if saved is None:  # the previous recorder died in its first second
             for path in parts(run_dir)[-1:]:
                 self._read_end(path, 0, {})
             return
@@ -119,7 +119,7 @@ class RecordedSoFar:
 
 
 def _saved(path: Path) -> _Saved | None:
-    """What is in the file; None if there is none, or it is torn."""
+    """The saved state; None if the file is missing or torn."""
     try:
         content = path.read_bytes()
         length, crc = _HEAD.unpack_from(content)

@@ -1,4 +1,4 @@
-"""Unfinished or damaged logs made readable: every whole chunk stays, and so does a damaged original."""
+"""Makes unfinished or damaged logs readable; keeps all intact chunks, and a damaged original beside them."""
 
 import contextlib
 import fcntl
@@ -29,10 +29,10 @@ from hsslam_services.log.whole_records import (
 
 @dataclass(frozen=True)
 class Recovered:
-    """What a log holds: messages by channel topic.
+    """Result of a recovery; `counts`: number of messages by topic.
 
-    `gaps`: damaged places that were skipped, of `skipped_bytes` together; `original`: where the damaged
-    file stays. `was_whole`: there was nothing to do.
+    `was_whole`: there was nothing to do. `gaps`: number of damaged places that were skipped, in total
+    `skipped_bytes`; `original`: path of the damaged file.
     """
 
     counts: dict[str, int]
@@ -42,7 +42,7 @@ class Recovered:
     original: Path | None = None
 
     def line(self) -> str:
-        """What was done, for the user."""
+        """The result in words, for the user."""
         if self.was_whole:
             return "was finished already"
         found = f"recovered {sum(self.counts.values())} messages"
@@ -54,21 +54,21 @@ class Recovered:
 
 
 def recover(path: Path) -> Recovered:
-    """Check the file as a whole and make it readable.
+    """Check the whole file and make it readable.
 
-    A file that only lacks its end gets one, in place. Of a damaged file the whole chunks, schemas,
-    channels, metadata and attachments are copied; the original stays as NAME.damaged.mcap beside it.
+    If only the end is missing, writes it in place. If the file is damaged, replaces it by a copy with all
+    intact records; the original stays as NAME.damaged.mcap beside it.
 
     Raises:
-        UserError: another process has it open for writing, or it is no log of this program.
-        OSError: it cannot be written, or there is no room for the copy (the original stays).
+        UserError: another process writes the file, or it is unfinished and no log of this program.
+        OSError: the file cannot be written, or there is no room for the copy (the original stays).
     """
     with path.open("r+b") as stream:
         lock_log(stream, path)
         survey = _survey(stream)
         if not survey.is_ours:
             raise UserError(
-                f"{path}: not finished, and no log of this program: expected a whole MCAP file"
+                f"{path}: unfinished, and no log of this program: expected a complete MCAP file"
             )
         if survey.damage:
             return _copied(stream, path, survey)
@@ -79,7 +79,7 @@ def recover(path: Path) -> Recovered:
 
 
 def lock_log(stream: IO[bytes], path: Path) -> None:
-    """Keep others from writing the file while `stream` is open.
+    """Lock the file against other writers while `stream` is open.
 
     Raises:
         UserError: another process writes it.
@@ -96,7 +96,7 @@ def lock_log(stream: IO[bytes], path: Path) -> None:
 
 @dataclass
 class _Survey:
-    """What lies in a file; `end` is where its records end."""
+    """The contents of a file; `end`: byte after its last record."""
 
     index: FileIndex = field(default_factory=FileIndex)
     damage: list[Gap] = field(default_factory=list)
@@ -122,7 +122,7 @@ def _survey(stream: IO[bytes]) -> _Survey:
         if not found.is_exact:
             inexact.append(found)
         survey.last, survey.end = found, found.position + len(found.data)
-    # message indexes may lack at the end of the last chunk; elsewhere they are damaged
+    # the last chunk may lack message indexes; elsewhere this is damage
     survey.damage += [
         Gap(found.position, found.position, False)
         for found in inexact
@@ -130,7 +130,7 @@ def _survey(stream: IO[bytes]) -> _Survey:
     ]
     stream.seek(0)
     if survey.last is None and MAGIC.startswith(stream.read(len(MAGIC))):
-        survey.is_ours = not survey.damage  # nothing was written yet
+        survey.is_ours = not survey.damage  # an empty log
     survey.index.stand_in()
     topics = [channel.topic for channel in survey.index.channels.values()]
     survey.is_ours = survey.is_ours or any(topic.startswith("hsslam/") for topic in topics)
@@ -151,7 +151,7 @@ def _take(survey: _Survey, found: Found) -> None:
 
 
 def _data_end(survey: _Survey, stream: IO[bytes]) -> int:
-    """Where the last record ends in the file as it is, if only a torn record or nothing follows it."""
+    """Byte after the last record in the file; -1 if another record follows it."""
     last = survey.last
     if last is None:
         return 0
@@ -160,7 +160,7 @@ def _data_end(survey: _Survey, stream: IO[bytes]) -> int:
 
 
 def _define_from_summary(survey: _Survey, stream: IO[bytes], position: int) -> None:
-    """A finished file has its schemas and channels at its end once more."""
+    """Take the copies of schemas and channels at the end of a finished file."""
     while (found := record_at(stream, position, survey.size)) is not None:
         if isinstance(found.record, Chunk):
             return
@@ -169,12 +169,12 @@ def _define_from_summary(survey: _Survey, stream: IO[bytes], position: int) -> N
 
 
 def _finish(stream: IO[bytes], survey: _Survey) -> None:
-    """Write the end of the file behind its last whole record."""
+    """Write the end of the file after its last intact record."""
     if survey.last is None:
         stream.seek(0)
         stream.write(MAGIC + written(Header("", f"{LIBRARY} {__version__}")))
         survey.end = stream.tell()
-    elif not survey.last.is_exact:  # its message indexes
+    elif not survey.last.is_exact:  # write its message indexes again
         stream.seek(survey.last.position)
         stream.write(survey.last.data)
     stream.truncate(survey.end)
@@ -206,7 +206,7 @@ def _copied(stream: IO[bytes], path: Path, survey: _Survey) -> Recovered:
 
 
 def _copy(stream: IO[bytes], survey: _Survey, out: IO[bytes]) -> dict[str, int]:
-    """Write all that is whole; what names schemas and channels comes first, as chunks may lack them."""
+    """Write all intact records; schemas and channels come first, as chunks may lack them."""
     index = FileIndex()
     index.define(survey.index.schemas, survey.index.channels)
     out.write(MAGIC + written(Header(survey.profile, f"{LIBRARY} {__version__} recovery")))

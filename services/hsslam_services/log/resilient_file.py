@@ -1,4 +1,4 @@
-"""The file of a log: it survives a full disk, and a power cut but for the last seconds."""
+"""The file of a log: it survives a full disk, and a power cut costs only the last seconds."""
 
 import contextlib
 import errno
@@ -13,12 +13,11 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class ResilientFile:
-    """Sequential output that keeps in memory, in order, what a full disk refuses, and tries again.
+    """A new file for sequential output; if the disk is full, it keeps the data in memory and tries again.
 
-    The file is new, and locked (flock) while it is open, so that others see that it grows. `sync`
-    brings it to the disk in a thread of its own: a slow disk delays no writer.
-    Positions (`tell`) count what was accepted, so an index written through it stays right.
-    Errors other than a full disk are raised as OSError.
+    The file is locked (flock) while it is open, so that others see that it is still written. `sync` writes
+    to disk in another thread: a slow disk delays no writer. `tell` counts accepted bytes, so offsets in an
+    index stay right. Errors other than a full disk raise OSError.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,16 +31,16 @@ class ResilientFile:
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for room on the disk; 0 in health."""
+        """Bytes that wait for room on a full disk; normally 0."""
         return len(self._pending)
 
     @property
     def sync_error(self) -> str:
-        """Why the disk refused what it had accepted before; empty in health."""
+        """Error of the last failed sync to disk; normally empty."""
         return self._syncing.error
 
     def write(self, data: bytes) -> int:
-        """Accept all of `data`."""
+        """Write `data`, or keep it in memory if the disk is full."""
         self._position += len(data)
         if self._pending:
             self._pending += data
@@ -57,7 +56,7 @@ class ResilientFile:
         return len(data)
 
     def flush(self) -> None:
-        """Try to write what waits."""
+        """Try to write the waiting bytes."""
         while self._pending:
             written = self._try_write(self._pending)
             if written == 0:
@@ -65,7 +64,7 @@ class ResilientFile:
             del self._pending[:written]
 
     def sync(self) -> None:
-        """Begin to bring to the disk what was written; returns at once."""
+        """Start to sync to disk; returns at once."""
         self._syncing.request()
 
     def tell(self) -> int:
@@ -73,7 +72,7 @@ class ResilientFile:
         return self._position
 
     def close(self) -> None:
-        """Try once more, bring all to the disk, close; `pending_bytes` are lost."""
+        """Flush, sync to disk, close; bytes that still wait are lost."""
         self.flush()
         self._syncing.stop()
         os.close(self._fd)
@@ -88,7 +87,7 @@ class ResilientFile:
 
 
 class _Syncing(threading.Thread):
-    """Brings the file to the disk when it is asked to, and once more at the end; at first its name."""
+    """Syncs the folder first, then the file at each request and at the end."""
 
     def __init__(self, fd: int, folder: Path) -> None:
         super().__init__(name="log sync", daemon=True)

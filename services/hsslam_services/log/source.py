@@ -1,4 +1,4 @@
-"""The frames of a log as a source, `--source mcap:RUN`, and the source that the log was recorded from."""
+"""The frames of a log as a source, `--source mcap:RUN`, and the source from which a log was recorded."""
 
 import sys
 from collections.abc import Collection, Iterator
@@ -29,21 +29,20 @@ from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import comes_once, log_place
 
-_RATE_FRAMES = 30  # the rate is computed from the stamps of this many
-_TWICE_DIFFERS = ("noise", "exposure", "downscale")  # effects that change frames again each time
-_MOST_LOGS = 8  # a run from the log of a run from the log of ...
+_RATE_FRAMES = 30  # number of stamps from which the rate is computed
+_TWICE_DIFFERS = ("noise", "exposure", "downscale")  # effects that change frames each time
+_MOST_LOGS = 8  # longest chain of logs, each recorded from the next
 
 
 class McapSource(ReadsInTime):
-    """Frames of a log (a file, or all parts of a run folder) with the stamps that they had.
+    """Frames of a log (a file, or all parts of a run folder) with their original stamps.
 
-    Indices are those of the log, so that whatever is drawn at random by frame is drawn as before; a
-    frame that was sent twice comes once. Colour is as the log has it: a JPEG is not what the tracker saw.
-    Opening reads the log through (0.3 s for 200 MB): its frames are counted, `stamps_ns` has the stamps
-    and `indices` the indices of those selected, [N] int64.
+    Frames keep their indices, so that random numbers drawn by frame are the same; a frame that was sent
+    twice comes once. Colour is that of the log: a JPEG differs from what the tracker saw. Opening reads the
+    whole log (0.3 s for 200 MB). `stamps_ns`, `indices`: of the selected frames, [N] int64.
 
     Raises:
-        UserError: no log there, none that can be read, or it holds no frame that is selected.
+        UserError: the log is missing or unreadable, or no frame is selected.
     """
 
     def __init__(self, place: str, options: SourceOptions) -> None:
@@ -73,8 +72,8 @@ class McapSource(ReadsInTime):
         self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Selected frames that are not late; one that cannot be decoded, or is of another camera than the
-        first, comes as a `BadFrame`."""
+        """The selected frames; a `LateFrame` for a late frame, a `BadFrame` for one that cannot be decoded or
+        has another camera than the first."""
         rows = frozenset(sorted(self._rows)[first:])
         last = max(rows, default=-1)
         for row, message in enumerate(self._logged()):
@@ -92,7 +91,7 @@ class McapSource(ReadsInTime):
                     yield of_one_camera(self, frame)
 
     def _logged(self) -> Iterator[messages.Frame]:
-        """Each frame once, not decoded; the indices of a further camera go on behind the last one's."""
+        """Each frame once, not decoded; indices of a further camera continue after those of the last."""
         order, camera, newest, first = FrameOrder(), None, -1, 0
         for logged in bus_messages(self._files, {FRAME.name}):
             message = logged.message()
@@ -116,18 +115,18 @@ def log_stamps(place: str) -> tuple[np.ndarray, None]:
 
 @dataclass(frozen=True)
 class RecordedSource:
-    """A source as `open_source` takes it."""
+    """A source, as arguments of `open_source`."""
 
     spec: str
     options: SourceOptions
 
 
 def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSource:
-    """`spec` itself, unless it is a log: then what its frames came from, with the same selection of them. A
-    log whose frames cannot be read again is such a source itself.
+    """The source `spec`; if it is a log, the source of its frames, with the same selection. If that source
+    cannot be read again, such as a camera, it is the log itself.
 
     Raises:
-        UserError: a log is not there, cannot be read or does not tell.
+        UserError: a log is missing or unreadable, or does not name its source.
     """
     for _ in range(_MOST_LOGS):
         place = log_place(spec)
@@ -135,7 +134,7 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
             return RecordedSource(spec, options)
         run = logged_options(log_parts(place, say))
         if run is None:
-            raise UserError(f"source {spec}: does not tell what it was recorded from")
+            raise UserError(f"source {spec}: the log does not name its source")
         if comes_once(run.source):
             return RecordedSource(spec, options)
         log = McapSource(place, options)
@@ -152,14 +151,14 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
 
 
 def frames_of_run(run: ServeOptions, indices: Collection[int]) -> SourceOptions:
-    """Options with which the source of a run has the frames of these indices of its one camera, and as few
-    others as options can tell."""
+    """Options that select the frames of these indices from the source of a run with one camera, and as few
+    others as possible."""
     options = run.source_options
     chosen = np.unique(np.fromiter(indices, np.int64))
     first, last, step = int(chosen[0]), int(chosen[-1]), int(np.gcd.reduce(np.diff(chosen))) or 1
     if options.reorders:
         return replace(options, frames=last + 1)
-    if place := log_place(run.source):  # indices are those of that log
+    if place := log_place(run.source):  # indices refer to this log
         rows = McapSource(place, SourceOptions()).indices
         start, end = rows.searchsorted([first, last + 1]).tolist()
         return replace(options, start=start, stride=1, frames=end - start)
@@ -172,8 +171,7 @@ def frames_of_run(run: ServeOptions, indices: Collection[int]) -> SourceOptions:
 
 
 def repeated_effects(options: ServeOptions) -> list[str]:
-    """A line for each effect that the frames of a log, the source of these options, have already, and get
-    again."""
+    """If the source is a log: a warning for each effect that its frames have already and would get again."""
     place, usual = log_place(options.source), ServeOptions()
     given = [name for name in _TWICE_DIFFERS if getattr(options, name) != getattr(usual, name)]
     run = logged_options(log_parts(place, lambda _: None)) if place and given else None
@@ -186,7 +184,7 @@ def repeated_effects(options: ServeOptions) -> list[str]:
 
 
 def run_metadata(file: Path) -> dict[str, str]:
-    """What the log says of the run that wrote it: `run_id`, `options`, ...; empty if it says nothing.
+    """Metadata of the run that wrote the log: `run_id`, `options`, ...; empty if the log has none.
 
     Raises:
         UserError: the log is damaged.
@@ -197,7 +195,7 @@ def run_metadata(file: Path) -> dict[str, str]:
 
 
 def logged_options(files: list[Path]) -> ServeOptions | None:
-    """The options of the run that wrote the log; None if it does not hold them, or is of another version.
+    """The options of the run that wrote the log; None if they are missing or of another version.
 
     Raises:
         UserError: the log is damaged.

@@ -1,4 +1,4 @@
-"""Parts that an earlier recorder left unfinished get their end, beside the new recording."""
+"""Finishes the parts of an earlier recorder while the new one records."""
 
 import threading
 from pathlib import Path
@@ -13,10 +13,10 @@ _JOIN_S = 5.0
 
 
 class UnfinishedParts:
-    """Finishes them one after another in a thread of its own, one chunk in memory at a time.
+    """Finishes unfinished parts in a thread, with one chunk in memory at a time.
 
-    What is not finished when the run ends is finished by the command that opens it.
-    `report(level, text)` takes its events.
+    If the run ends earlier, the next command that opens the log finishes them. `report(level, text)`
+    takes events.
     """
 
     def __init__(self, run_dir: Path, report: Report) -> None:
@@ -27,7 +27,7 @@ class UnfinishedParts:
             self._thread.start()
 
     def close(self) -> None:
-        """Wait a moment for the end."""
+        """Wait at most 5 s for the thread."""
         if self._parts:
             self._thread.join(_JOIN_S)
 

@@ -1,4 +1,4 @@
-"""Records of an MCAP file that are whole, and the gaps between them where it is damaged."""
+"""Finds the intact records of an MCAP file and the damaged gaps between them."""
 
 import re
 import struct
@@ -26,10 +26,10 @@ from mcap.stream_reader import get_chunk_data_stream
 MAGIC = b"\x89MCAP0\r\n"
 TORN = (
     *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
-    *(OverflowError, MemoryError),  # of a size that is none
+    *(OverflowError, MemoryError),  # from an absurd size
 )
-_HEAD = struct.Struct("<BQ")  # opcode and length of what follows
-_CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, sum, length of the name of the compression
+_HEAD = struct.Struct("<BQ")  # opcode, length of the content
+_CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, CRC, length of the compression's name
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 _WINDOW_BYTES = 2**22
 _LONGEST_NAME = 16
@@ -41,7 +41,7 @@ _SMALL = {
     Opcode.METADATA: Metadata,
     Opcode.DATA_END: DataEnd,
 }
-# records that show by themselves that they are whole: opcode, then a length below 2^40
+# records that can be checked by themselves: opcode, then a length below 2^40
 _CANDIDATE = re.compile(rb"(?=[\x06\x09\x0c\x0f].{5}\x00{3})", re.DOTALL)
 
 
@@ -58,7 +58,7 @@ class ChunkMessage:
 
 @dataclass(frozen=True)
 class ChunkContent:
-    """What a chunk holds; `indexes` are its message indexes, by channel."""
+    """The contents of a chunk; `indexes`: its message indexes by channel."""
 
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
@@ -68,9 +68,9 @@ class ChunkContent:
 
 @dataclass(frozen=True)
 class Found:
-    """A whole record at `position`, `length` bytes there; a chunk takes its message indexes with it.
+    """An intact record of `length` bytes at `position`; a chunk includes its message indexes.
 
-    `data` are its bytes as they should be; `is_exact`: as they are in the file.
+    `data`: the right bytes of the record; `is_exact`: whether the file has the same bytes.
     """
 
     position: int
@@ -83,7 +83,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Gap:
-    """Bytes `position` to `end` that are no whole record; `is_tail`: a torn one, or zeros, at the end."""
+    """Bytes `position` to `end` without an intact record; `is_tail`: a torn record or zeros at the end."""
 
     position: int
     end: int
@@ -91,9 +91,9 @@ class Gap:
 
 
 def whole_records(stream: IO[bytes], size: int, start: int = 0) -> Iterator[Found | Gap]:
-    """Walk the file from `start` to its DataEnd record, or to its end; one chunk is in memory at a time.
+    """Read the file from `start` to its DataEnd record or its end, with one chunk in memory at a time.
 
-    `size` is that of the file. Another process may shorten it meanwhile: what is gone is a gap.
+    `size`: of the file. If another process shortens the file meanwhile, the rest is a gap.
     """
     if start == 0:
         stream.seek(0)
@@ -113,7 +113,7 @@ def whole_records(stream: IO[bytes], size: int, start: int = 0) -> Iterator[Foun
 
 
 def record_at(stream: IO[bytes], position: int, size: int) -> Found | None:
-    """The whole record that begins there; None if none does."""
+    """The intact record that begins at `position`, or None."""
     head = _head(stream, position, size)
     if head is None:
         return None
@@ -132,7 +132,7 @@ def record_at(stream: IO[bytes], position: int, size: int) -> Found | None:
 
 
 def written(*records: McapRecord) -> bytes:
-    """The records as they lie in a file."""
+    """The records as bytes of a file."""
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
@@ -140,7 +140,7 @@ def written(*records: McapRecord) -> bytes:
 
 
 def definitions(data: bytes) -> tuple[dict[int, Schema], dict[int, Channel]]:
-    """Schemas and channels among records that lie one after another, by id."""
+    """Schemas and channels in a sequence of records, by id."""
     content = _content(data)
     return content.schemas, content.channels
 
@@ -175,7 +175,7 @@ def _chunk(stream: IO[bytes], position: int, length: int) -> Found | None:
 
 
 def _content(data: bytes) -> ChunkContent:
-    """Take the records of a chunk apart; raises one of TORN if they do not fill it."""
+    """Parse the records of a chunk; raises one of TORN if they do not fill it."""
     content = ChunkContent({}, {}, [], {})
     position = 0
     while position < len(data):
@@ -202,19 +202,19 @@ def _content(data: bytes) -> ChunkContent:
 
 
 def _head(stream: IO[bytes], position: int, size: int) -> tuple[int, int] | None:
-    """Opcode and length of a record that has room there."""
+    """Opcode and length of a record at `position`; None if it does not fit into the file."""
     if position + _HEAD.size > size:
         return None
     stream.seek(position)
     head = stream.read(_HEAD.size)
-    if len(head) < _HEAD.size:  # another shortens the file
+    if len(head) < _HEAD.size:  # another process shortens the file
         return None
     opcode, length = _HEAD.unpack(head)
     return (opcode, length) if length <= size - position - _HEAD.size else None
 
 
 def _past_indexes(stream: IO[bytes], position: int) -> int:
-    """Where the message indexes end that begin there."""
+    """The end of the message indexes that begin at `position`."""
     size = stream.seek(0, 2)
     while (head := _head(stream, position, size)) and head[0] == Opcode.MESSAGE_INDEX:
         position += _HEAD.size + head[1]
@@ -222,7 +222,7 @@ def _past_indexes(stream: IO[bytes], position: int) -> int:
 
 
 def _following(stream: IO[bytes], position: int, size: int) -> int:
-    """Where the next whole record begins: behind the damaged one if its length is right, else searched."""
+    """The position of the next intact record: after the damaged one if its length is right, else searched."""
     head = _head(stream, position, size)
     if head is not None:
         end = _past_indexes(stream, position + _HEAD.size + head[1])
