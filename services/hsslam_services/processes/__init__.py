@@ -1,1 +1,1 @@
-"""One file a process: what it hears, its loop, what it publishes."""
+"""The processes of a run, one file each: subscriptions, loop, publications."""

@@ -28,7 +28,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
-_AHEAD = 15  # frames decoded in advance: rides out half a second of other load
+_AHEAD = 15  # frames decoded in advance, for half a second of other load
 _SLOW_SOURCE = (
     "this machine reads the source more slowly than the sensor recorded it: late frames are skipped and "
     "count as dropped"
@@ -36,7 +36,7 @@ _SLOW_SOURCE = (
 
 
 class PauseListener:
-    """Listens to `sys/hold`; a restarted camera hears the last word again."""
+    """Listens to `sys/hold`; a restarted camera gets the last message again."""
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
@@ -44,7 +44,7 @@ class PauseListener:
         self._is_paused = False
 
     def wait(self) -> float:
-        """Return when frames may be sent, or this worker must stop; seconds waited."""
+        """Wait while the run is paused, or until this worker must stop; returns the seconds waited."""
         start_s = time.monotonic()
         self._hear()
         if not self._is_paused:
@@ -67,21 +67,21 @@ def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
     if is_live(options.source) and progress.next_index == options.frames:
-        _end(worker, progress, LastFrame(worker))  # the camera before had all of `--frames`
+        _end(worker, progress, LastFrame(worker))  # the previous camera process sent all `--frames`
         return
     after = progress.next_index if is_live(options.source) else 0
     source = open_with_patience(worker, had_frames=progress.sent > 0, after=after)
     if source is None:
         return
-    # in lockstep all wait for a frame that is lost: rather wait for room on the way
+    # in lockstep, a dropped frame would block the run: wait for a congested link instead
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace
-    told = worker.warn_once
+    warn = worker.warn_once
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic, progress.publisher)
     elif is_live(options.source):
         pace = Live(
-            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options, told)
+            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options, warn)
         )
     else:
         scale = _clock_scale(options.rate_hz, source.rate_hz)
@@ -91,7 +91,7 @@ def _run(worker: Worker) -> None:
             frames_topic,
             progress,
             scale,
-            RobotSensors.heard(worker.bus, options, told),
+            RobotSensors.heard(worker.bus, options, warn),
             period_s,
         )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
@@ -100,7 +100,7 @@ def _run(worker: Worker) -> None:
     with contextlib.closing(_items(worker, source, progress.next_index, pace)) as items:
         pace.wait_for_peers()
         worker.ready()
-        progress.write(Path(worker.run.arena_dir))  # before the first frame goes out
+        progress.write(Path(worker.run.arena_dir))  # before the first frame is sent
         for item in items:
             pace.held(pause.wait())
             if mode.map_epoch != map_epoch:
@@ -132,7 +132,7 @@ def _run(worker: Worker) -> None:
 
 
 def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> None:
-    """Say that no more frames come, and wait until the last one is in the log."""
+    """Publish the end of the source, and wait until the last frame is in the log."""
     worker.bus.publisher(topics.SOURCE_END).put(
         SourceEnd(
             frame_count=progress.sent + progress.skipped,
@@ -149,7 +149,7 @@ def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> Non
 def _items(
     worker: Worker, source: Source, first: int, pace: Pace
 ) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
-    """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
+    """Frames from index `first` on; a recording is read ahead, a live camera is not."""
     if is_live(worker.options.source):
         return live_frames(worker, source, first)
     items = with_reports(worker, source, frames_in_time(source, first, pace.is_late))

@@ -1,4 +1,4 @@
-"""The process that says what is free about the camera and how far surfaces are: a window, ten times a second.
+"""The distances process: free space and distances to surfaces in a window about the camera, at 10 Hz.
 
 Subscribes: in/frame, out/pose
 Publishes: out/grid, out/esdf, out/esdf_blocks
@@ -40,10 +40,10 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 _EVERY_S = 0.1
-_EARLY_S = 0.005  # an update may come, as frames do not come on the beat
+_EARLY_S = 0.005  # an update may be early, as the interval of frames varies
 _POLL_S = 0.1
 _BLOCKS_A_MESSAGE = 256  # 2 MB
-_FRESH_S = 1.0  # blocks that are older answer nobody, who waits as long for newer ones
+_FRESH_S = 1.0  # age limit of blocks in an answer, and longest wait for newer ones
 
 
 def main() -> None:
@@ -60,7 +60,7 @@ def _run(worker: Worker) -> None:
 
 
 class _DistancesLoop:
-    """Takes frames at their poses into the window, and publishes what is known then."""
+    """Adds frames at their poses to the window, and publishes grid and distances."""
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
@@ -71,11 +71,11 @@ class _DistancesLoop:
         self._slices = worker.bus.publisher(topics.ESDF)
         self._blocks = _PublishedBlocks(worker)
         self._window: RollingWindow | None = None
-        self._told: FloorPlane | None = None
+        self._reported: FloorPlane | None = None
         self._next_s = 0.0
 
     def take(self, pose: Pose) -> None:
-        """Take in the frame of a pose, if it is time for one."""
+        """Take in the frame of a pose if an update is due."""
         image = self._frames.of(pose)
         now_s = time.monotonic()
         store = self._link.store()
@@ -88,7 +88,7 @@ class _DistancesLoop:
         self._next_s = max(self._next_s + every_s, now_s + every_s / 2)
         try:
             depth_raw = depth_image(image)
-        except UserError:  # no image: the tracker tells it
+        except UserError:  # the tracker reports it
             return
         start_s = time.thread_time()
         with self._worker.timed("distances"):
@@ -108,7 +108,7 @@ class _DistancesLoop:
         known = self._window.take(depth_m, camera, T_world_cam, pose.keyframe, pose.pose_version)
         floor = self._window.floor
         assert floor is not None
-        self._tell_of(floor)
+        self._report_floor(floor)
         options = self._worker.options
         band = Band(options.grid_from_height_m, options.grid_to_height_m, floor.source)
         grid = grid_map(known, band.low_m, band.high_m)
@@ -117,23 +117,23 @@ class _DistancesLoop:
             self._slices.put(esdf_message(grid, band, pose))
         self._blocks.follow(known, pose)
 
-    def _tell_of(self, floor: FloorPlane) -> None:
-        """Say which way is up, and by what, when it has been found or found elsewhere."""
-        if floor is self._told:
+    def _report_floor(self, floor: FloorPlane) -> None:
+        """Report the up direction and its source when they are found or change."""
+        if floor is self._reported:
             return
-        self._told = floor
+        self._reported = floor
         text = f"grid: up is {floor.up_text} by {floor.source}, {floor.height_text}"
         self._worker.event("info", text)
 
 
 class _PublishedBlocks:
-    """The topic `out/esdf_blocks`: measures distances only while something subscribes to it, or asks for all
+    """Publishes `out/esdf_blocks`; measures distances only if the topic has subscribers, or one asks for all
     blocks."""
 
     def __init__(self, worker: Worker) -> None:
         self._publisher = worker.bus.publisher(topics.ESDF_BLOCKS)
         self._publisher.answer_with(self._all)
-        # a thread of the bus answers who asks for all blocks
+        # a thread of the bus calls `_all`
         self._measured = threading.Condition()
         self._measured_s = -math.inf
         self._is_asked = False
@@ -144,7 +144,7 @@ class _PublishedBlocks:
         self._pose: Pose | None = None
 
     def follow(self, occupancy: Occupancy, pose: Pose) -> None:
-        """Publish the blocks that have changed."""
+        """Measure distances, and publish the blocks that have changed."""
         if not (self._is_asked or self._publisher.has_subscribers()):
             return
         distances = self._meter.measure(occupancy)
@@ -166,7 +166,7 @@ class _PublishedBlocks:
             self._publisher.put(message)
 
     def _all(self) -> Iterator[EsdfBlocks]:
-        """What a subscriber that comes late needs; nothing, if no update measures it soon."""
+        """All blocks, for a late subscriber; nothing if no update measures them within 1 s."""
         with self._measured:
             self._is_asked = not self._is_fresh()
             self._measured.wait_for(self._is_fresh, _FRESH_S)
@@ -180,7 +180,7 @@ class _PublishedBlocks:
 
     @staticmethod
     def _messages(blocks: Blocks, lattice: Lattice, pose: Pose) -> Sequence[EsdfBlocks]:
-        """One or more, of some megabytes each."""
+        """The blocks as one or more messages, of 2 MB each."""
         firsts = range(0, max(len(blocks.places), 1), _BLOCKS_A_MESSAGE)
         parts = [slice(first, first + _BLOCKS_A_MESSAGE) for first in firsts]
         return [

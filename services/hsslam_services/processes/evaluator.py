@@ -1,4 +1,4 @@
-"""The evaluator: compares a finished run with ground truth; a process is a file of its own.
+"""The evaluator: compares a finished run with ground truth; apart as each process is.
 
 No other process sees ground truth.
 """
@@ -25,7 +25,7 @@ def _run(worker: Worker) -> None:
     read = CameraProgress.read(Path(worker.run.arena_dir)).next_index
     if not options.has_camera_process or not options.evaluate or read == 0:
         return
-    until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
+    until_now = replace(options.source_options, frames=read)  # for an interrupted run
     worker.event("info", "comparing with ground truth, if the source has it")
     try:
         source = recorded_source(options.source, until_now, partial(worker.event, "info"))
@@ -33,13 +33,13 @@ def _run(worker: Worker) -> None:
     except UserError as error:
         if not log_place(options.source):
             raise
-        # what a log was recorded from, and its truth, may be on another machine, or not known
+        # the source of a log and its ground truth may be on another machine, or unknown
         worker.event("warning", f"not compared with ground truth: {error}")
         return
     if found:
         worker.add_to_summary({"evaluation": found})
     elif source.options.reorders:
-        why = f"frames come again, and source {source.spec} lacks it for some of them"
+        why = f"the source repeats frames, and {source.spec} has no ground truth for some of them"
         worker.event("warning", f"not compared with ground truth: {why}")
 
 

@@ -1,4 +1,4 @@
-"""The final map saver: writes the map at the end of a run; a process is a file of its own.
+"""The final map saver: writes the map at the end of a run; apart as each process is.
 
 Arena: reads keyframes, map
 """

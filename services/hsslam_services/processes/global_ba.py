@@ -1,4 +1,4 @@
-"""The global bundle adjustment process: corrects keyframe poses, refines what the map renders badly.
+"""The global bundle adjustment process: corrects keyframe poses.
 
 Subscribes: out/map, sys/step
 Publishes: out/correction, sys/step
@@ -26,7 +26,7 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
-_CATCH_UP_SHARE = 0.3  # of the time until the map is on disk, for rounds after the last frame
+_CATCH_UP_SHARE = 0.3  # share of `finish_budget_s` for rounds after the last frame
 
 
 def main() -> None:
@@ -70,7 +70,7 @@ class _BaLoop:
         self._loops: list[tuple[int, int]] = []  # closed since the last correction
 
     def work_if_due(self) -> None:
-        """One round, if enough keyframes have come since the last."""
+        """Do one round if enough keyframes have come since the last."""
         if (opened := self._opened()) is None:
             return
         ba, store = opened
@@ -78,8 +78,8 @@ class _BaLoop:
             self._round(ba, store)
 
     def catch_up(self) -> None:
-        """After the last frame: rounds over the keyframes that rounds have left out, as under load. In
-        lockstep there is one, if a fragment has joined the map then."""
+        """After the last frame: do rounds over keyframes that no round has seen, as under load; in lockstep,
+        only if a fragment has joined the map since the last round."""
         budget_s = self._worker.options.finish_budget_s
         end_s = 1e-9 * self._mode.stopped_ns + _CATCH_UP_SHARE * budget_s
         while not self._worker.is_orphan() and time.monotonic() < end_s:
@@ -92,7 +92,7 @@ class _BaLoop:
             self._round(ba, store)
 
     def _opened(self) -> tuple[BundleAdjustment, KeyframeStore] | None:
-        """The adjustment and its keyframes; None while there is nothing to adjust."""
+        """The adjustment and its keyframes; None while there is no map to adjust."""
         options = self._worker.options
         store, parameters = self._link.store(), self._link.parameters()
         if not options.slam.ba.enabled or store is None or parameters is None:
@@ -113,13 +113,13 @@ class _BaLoop:
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
         if report.moved and self._may_step():
-            # where mapping refines poses as well, one of the two writes them at a time
+            # if mapping refines poses too, only the holder of the lease writes them
             alone = self._worker.options.slam.mapper.pose_rate == 0
             with nullcontext() if alone else lease():
                 self._correct(store, report)
 
     def _rest(self) -> None:
-        """Between two pieces of a round; the supervisor sees a turn of the loop."""
+        """Rest between two pieces of a round; counts as a turn of the loop for the supervisor."""
         self._worker.should_stop()
         self._pace.rest()
 
@@ -133,12 +133,12 @@ class _BaLoop:
         self._loops = []
 
     def _may_begin(self, count: int) -> bool:
-        """Whether rounds, which others may need the cores for, are far enough apart."""
+        """Whether enough keyframes have come since the last round for the load level."""
         every = self._worker.options.slam.ba.every_keyframes * self._level.now.ba_every
         return self._level.number == 0 or count - self._count_at_round >= every
 
     def _may_step(self) -> bool:
-        """Whether the map may change; asked anew before each step, as a client can say no meanwhile."""
+        """Whether the map may change; asked before each step, as a client can forbid it at any time."""
         return self._mode.may_change
 
 

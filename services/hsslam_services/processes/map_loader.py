@@ -1,4 +1,4 @@
-"""The map loader: fills the arena with a saved map before the other processes start; then ends.
+"""The map loader: loads a saved map into the arena before the other processes start; then ends.
 
 Arena: writes keyframes, map
 """
@@ -24,15 +24,15 @@ def _run(worker: Worker) -> None:
     options = worker.options
     path = find_map(options.maps, options.map)
     store, _ = restore_map(worker.arena, path, options.slam)
-    store.world_frame.note_level(options.T_level_world)  # of a map that does not tell its own
+    store.world_frame.note_level(options.T_level_world)  # if the map has no level of its own
     if options.has_camera_process:
         _expect_camera(worker.run, store)
-    doing = "localises in" if options.localise_only else "goes on in"
+    doing = "localises in" if options.localise_only else "continues"
     worker.event("info", f"{doing} {path}: {store.count} keyframes")
 
 
 def _expect_camera(run: RunInfo, store: KeyframeStore) -> None:
-    """UserError where the source is not of the camera that the map was made with."""
+    """Raise UserError if the source has another camera than the map."""
     options = run.options
     source = open_any_source(options.source, replace(run.source_options, noise="none"))
     if difference := source.camera.differs_in(store.camera):

@@ -1,6 +1,6 @@
-"""The mapper process: fits the map to the keyframes and publishes versions of it.
+"""The mapper process: fits the map to the keyframes and publishes versions of the map.
 
-In real time a keyframe message only wakes the loop; the arena says how many keyframes there are.
+In real time, a keyframe message only wakes the loop; the arena has the number of keyframes.
 
 Subscribes: out/keyframe, out/pose
 Publishes: out/map, out/correction, sys/step
@@ -34,10 +34,10 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import tell_device, worker_device
 
 _POLL_S = 0.05
-_LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
-_SLICE = 32  # last iterations between looks at signals and clock
-_SAVING_S = 1.0  # to save the map again
-_SAVING_FACTOR = 2.0  # and times the first saving
+_LONGEST_BACKLOG = 6  # keyframes whose iterations may wait in real time
+_SLICE = 32  # last iterations between checks of signals and clock
+_SAVING_S = 1.0  # time reserved to save the map at the end,
+_SAVING_FACTOR = 2.0  # and this times the time of the first save
 
 
 def main() -> None:
@@ -60,8 +60,8 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
             pose = poses.wait(_POLL_S)
             if pose is None:
                 continue
-            # the second answer to a frame that was sent again is only answered again: the next frame may be
-            # on its way by now, and its keyframe's turn has not come
+            # the second pose of a frame that was sent twice only gets a step: the next frame may be under
+            # way, and its keyframe must wait for its own pose
             is_new = order.is_new(pose.publisher, pose.index)
             while is_new and loop.has_work():
                 loop.work()
@@ -77,11 +77,11 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
             else:
                 loop.make_room()
                 keyframes.wait(_POLL_S)
-            keyframes.drain()  # they only wake this loop: the store says how many there are
+            keyframes.drain()  # they only wake this loop
 
 
 class _MapperLoop:
-    """Works off the iterations that keyframes bring with them; a restarted one goes on."""
+    """Does the iterations that new keyframes ask for; resumes after a restart."""
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
@@ -103,8 +103,8 @@ class _MapperLoop:
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None
         self._keyframes_seen = 0
-        self._refused = 0  # keyframes that the tracker had no room for
-        self._due = 0.0  # iterations; fewer than all if others need the cores
+        self._refused = 0  # keyframes for which the tracker had no room
+        self._due = 0.0  # iterations to do, reduced by the load level
         self._iterations = 0
         store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:
@@ -115,7 +115,7 @@ class _MapperLoop:
                 worker.event("warning", f"mapper resumes at map version {parameters.version}")
 
     def has_work(self) -> bool:
-        """Whether there are iterations to do for the keyframes there are now."""
+        """Whether there are iterations to do."""
         store = self._link.store()
         if store is None or store.count == 0:
             return False
@@ -132,7 +132,7 @@ class _MapperLoop:
         return self._due >= 1
 
     def work(self) -> None:
-        """The first map, or the iterations of one keyframe; then publish."""
+        """Make the first map, or do the iterations of one keyframe; then publish."""
         store = self._link.store()
         assert store is not None
         if self._parameters is None:
@@ -158,8 +158,8 @@ class _MapperLoop:
         self._publish(report, store, start)
 
     def make_room(self) -> None:
-        """Retire keyframes if the tracker had no room for one, or has none for a fragment: no new one would
-        be the occasion."""
+        """Retire keyframes if the tracker has no room for a keyframe or a fragment; `work` would not do it
+        without a new keyframe."""
         store = self._link.store()
         if store is None or self._mapper is None:
             return
@@ -168,16 +168,16 @@ class _MapperLoop:
             self._select(store)
 
     def _select(self, store: KeyframeStore) -> None:
-        """Retire keyframes that show nothing of their own, more of them where memory gets scarce."""
+        """Retire redundant keyframes, and more of them if memory is scarce."""
         assert self._mapper is not None
-        scarce = self._budget.apply(store)
-        if scarce is not None:
-            self._worker.event("warning", scarce)
+        notice = self._budget.apply(store)
+        if notice is not None:
+            self._worker.event("warning", notice)
         with self._worker.timed("select"):
             self._worker.count("keyframes retired", self._mapper.select(store))
 
     def _grow_bound(self, store: KeyframeStore) -> None:
-        """Let the map grow to what the new keyframes see; the caller holds the lease."""
+        """Grow the map to what the new keyframes see; the caller holds the lease."""
         assert self._mapper is not None
         with self._worker.timed("cover"):
             try:
@@ -191,10 +191,10 @@ class _MapperLoop:
             self._worker.event("info", f"the map grows to {sides} m")
 
     def do_last_iterations(self) -> None:
-        """What newest keyframes bring with them, as those of a fragment that joins the map at the end. Then
-        the last iterations, over all keyframes alike, as many as the time until the map's saving allows.
+        """Do the iterations of the newest keyframes, as of a fragment that joins the map at the end. Then do
+        the last iterations, over all keyframes, as many as the time before the map's saving allows.
 
-        Each slice is published, so that whoever ends this process loses no more than one.
+        Publishes each slice, so that a killed process loses at most one.
         """
         store = self._link.store()
         if store is None or self._mapper is None or self._parameters is None:
@@ -206,12 +206,12 @@ class _MapperLoop:
             return
         while self.has_work() and time.monotonic() < end_s and not self._worker.is_orphan():
             self.work()
-            self._worker.should_stop()  # this loop comes round, too
+            self._worker.should_stop()  # counts as a turn of the loop
         n = self._mapper.last_iterations(store)
         if n == 0:
             return
         with self._worker.arena.lease(PARAMETERS_LEASE):
-            self._grow_bound(store)  # to keyframes that brought no iteration under load
+            self._grow_bound(store)  # to keyframes without iterations under load
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
         start, done = time.perf_counter(), 0
         while done == 0 or (done < n and time.monotonic() < end_s and not self._worker.is_orphan()):
@@ -220,16 +220,16 @@ class _MapperLoop:
                     report = self._mapper.refine_sparse(store)
                     done += 1
                 self._mapper.publish()
-            self._worker.should_stop()  # this loop comes round, too
+            self._worker.should_stop()  # counts as a turn of the loop
         self._iterations += done
         self._publish(report, store, start)
         if done < n:
             self._worker.event(
-                "info", f"{done} of {n} last iterations: more do not fit (--finish-s)"
+                "info", f"{done} of {n} last iterations done: --finish-s allows no more"
             )
 
     def _last_iterations_end_s(self) -> float:
-        """Monotonic time from which the map must be saved to be on disk in time."""
+        """Monotonic time at which the last iterations must end, so that the map is saved in time."""
         budget_s, stopped_ns = self._worker.options.finish_budget_s, self._mode.stopped_ns
         if math.isinf(budget_s) or not stopped_ns:
             return math.inf

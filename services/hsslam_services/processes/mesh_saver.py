@@ -39,7 +39,7 @@ def _run(worker: Worker) -> None:
 
 
 def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:
-    """For the log and the viewer; a mesh above the topic's size limit is reported and not sent."""
+    """Publish the mesh for log and viewer; if it exceeds the topic's size limit, send a warning instead."""
     visual: Any = mesh.visual
     colors = visual.vertex_colors[:, :3]
     map_epoch = MapState(worker.run.arena_dir).map_epoch

@@ -1,6 +1,6 @@
-"""The mesher process: keeps a mesh of the published map, and publishes its blocks that change; small views.
+"""The mesher process: updates a mesh of the map, and publishes its changed blocks and small views of the map.
 
-Answers the request `query`, which the supervisor passes on.
+It answers the request `query`, which the supervisor passes on.
 
 Subscribes: out/pose
 Publishes: out/mesh_blocks, out/view
@@ -43,15 +43,15 @@ from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
-_EVERY_S = 2.5  # 52 ms of one core: 0.7 ms a frame at 30 Hz
+_EVERY_S = 2.5  # a view takes 52 ms of one core: 0.7 ms a frame at 30 Hz
 _POLL_S = 0.2
 _BETWEEN_S = 0.1
-_REFRESH_S = 0.4  # with the message that follows, half a second
+_REFRESH_S = 0.4  # with the message after it, 0.5 s
 _BLOCKS_A_MESSAGE = 128
 
 
 class ModelView:
-    """Publishes what the map looks like from the newest pose."""
+    """Publishes views of the map from the newest pose."""
 
     def __init__(self, bus: Bus, level: SharedLevel) -> None:
         self._level = level
@@ -60,7 +60,7 @@ class ModelView:
         self._next_s = 0.0
 
     def newest_pose(self) -> Pose | None:
-        """The pose to look from, if it is time to look."""
+        """The newest pose if a view is due and the pose is not lost; else None."""
         if time.monotonic() < self._next_s:
             return None
         pose = self._poses.poll()
@@ -70,7 +70,7 @@ class ModelView:
         return pose
 
     def show(self, pose: Pose, camera: Camera, layout: FieldLayout, queries: Queries) -> None:
-        """Cast a ray for each pixel, and publish."""
+        """Render the view by ray casting, and publish it."""
         camera = camera.scaled(min(1.0, self._level.now.view_width_px / camera.width_px))
         T_world_cam = np.eye(4)
         T_world_cam[:3, :3] = rotation_from_quaternion(np.array(pose.q))
@@ -118,7 +118,7 @@ def _run(worker: Worker) -> None:
 
 
 class _MeshState(NamedTuple):
-    """What all blocks of the mesh are of."""
+    """The state of the whole mesh."""
 
     revision: int
     map_version: int
@@ -142,9 +142,7 @@ class _MesherLoop:
         self._view = ModelView(worker.bus, self._level)
         config = worker.options.slam
         self._max_depth_m = config.mapper.max_depth_m
-        self._lock = (
-            threading.Lock()
-        )  # of the mesh: a thread of the bus answers who asks for all of it
+        self._lock = threading.Lock()  # guards the mesh: a thread of the bus calls `_all_blocks`
         self._mesh = LiveMesh(SparseSpace(config.mesher.voxel_m), config.field.truncation_m)
         self._marked = MarkedKeyframes(self._mesh)
         self._series = time.monotonic_ns()
@@ -154,7 +152,7 @@ class _MesherLoop:
         self._begun_s = float("-inf")
 
     def has_news(self) -> bool:
-        """Whether blocks wait, or, some seconds after the last time, keyframes or a newer map have come."""
+        """Whether blocks wait, or a refresh is due and there are new keyframes or a newer map."""
         store, parameters = self._link.store(), self._link.parameters()
         if store is None or parameters is None or not parameters.version:
             return False
@@ -167,11 +165,11 @@ class _MesherLoop:
         return news or parameters.version != self._version
 
     def pause_s(self) -> float:
-        """How long the other processes have the core before the next turn."""
+        """Time for other processes before the next turn, s."""
         return _BETWEEN_S if self._mesh.waiting else _POLL_S
 
     def show_if_due(self) -> None:
-        """The map from where the camera is, for whoever looks on."""
+        """Publish a view of the map from the camera if one is due."""
         store, parameters = self._link.store(), self._link.parameters()
         if store is None or parameters is None or not parameters.version:
             return
@@ -182,13 +180,13 @@ class _MesherLoop:
                 self._view.show(pose, store.camera, parameters.layout, queries)
 
     def _queries(self, parameters: FieldParameters) -> Queries:
-        """Ask the parameters as they are stepped: a copy would be as large as the map, and what a step moves
-        meanwhile is far less than what makes a block's mesh another one."""
+        """Queries of the parameters while they are stepped: a copy would be as large as the map, and steps
+        meanwhile hardly change the mesh of a block."""
         parameters.follow()
         return open_map_queries(parameters.layout, parameters.params, self._device)
 
     def work(self) -> None:
-        """One refresh: mark keyframes, mesh what changed, publish; what time does not permit waits."""
+        """Do one refresh: mark keyframes, mesh changed blocks, publish; the rest waits for the next one."""
         store, parameters = self._link.store(), self._link.parameters()
         assert store is not None and parameters is not None
         start = time.monotonic()
@@ -201,7 +199,7 @@ class _MesherLoop:
             end = start + share * _REFRESH_S
 
             def has_time() -> bool:
-                self._lock.release()  # who asks for all blocks does not wait for a rest
+                self._lock.release()  # `_all_blocks` need not wait for the rest
                 try:
                     self._pace.rest()
                 finally:
@@ -232,7 +230,7 @@ class _MesherLoop:
         self._worker.count("mesh_blocks_sent", len(changed))
 
     def _all_blocks(self) -> Iterator[MeshBlocks]:
-        """What a subscriber that comes late needs, in messages of some megabytes, made one by one."""
+        """All blocks, for a late subscriber, in messages of some megabytes, made one by one."""
         with self._lock:
             known: list[tuple[Block, BlockMesh | None]] = [
                 (mesh.block, mesh) for mesh in self._mesh.meshes
@@ -263,8 +261,8 @@ def _triangles(mesh: BlockMesh, space: SparseSpace) -> Triangles:
 
 
 def _depth_m(store: KeyframeStore, max_depth_m: float, k: int) -> np.ndarray:
-    """Depth [H, W] float32 of keyframe k, 0 beyond `max_depth_m`; none of one that is retired, as others
-    show what it showed."""
+    """Depth [H, W] float32 of keyframe k, 0 beyond `max_depth_m`; all 0 if it is retired, as other keyframes
+    show the same."""
     try:
         depth_m = store.frame(k).depth_m()
         return np.where(depth_m <= max_depth_m, depth_m, 0)

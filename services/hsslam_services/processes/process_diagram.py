@@ -1,4 +1,4 @@
-"""What a process hears, publishes and shares, read from the docstring that its file begins with."""
+"""The topics and arrays of each process, read from the docstring of its file, and their diagram."""
 
 import ast
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_proto.topics import EVENT, HEALTH, TOPICS
 
-ARENA_ARRAYS = {  # group, as in a header: how the names of its arrays begin
+ARENA_ARRAYS = {  # group, as in a header: prefixes of its arrays
     "keyframes": ("keyframe",),
     "map": ("params", "adam_", "gradient", "published", "field_"),
     "map_state": ("map_state",),
@@ -21,7 +21,7 @@ _FIELDS = ("Subscribes", "Publishes", "Arena")
 
 @dataclass(frozen=True)
 class ProcessHeader:
-    """One process: topics by name, groups of shared arrays by name."""
+    """Names of the topics and the groups of shared arrays of one process."""
 
     name: str
     subscribes: tuple[str, ...] = ()
@@ -36,7 +36,7 @@ class ProcessHeader:
 
 
 def process_headers() -> tuple[ProcessHeader, ...]:
-    """The supervisor and every process of `processes/`, in the order of their names.
+    """The headers of the supervisor and of all processes of `processes/`, sorted by name.
 
     Raises:
         UserError: a header names a topic or an array that does not exist.
@@ -49,7 +49,7 @@ def process_headers() -> tuple[ProcessHeader, ...]:
 
 
 def read_header(file: Path) -> ProcessHeader:
-    """The header of one process file; nothing is imported."""
+    """Parse the header of one process file, without an import."""
     doc = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
     found = dict.fromkeys(_FIELDS, "")
     for line in doc.splitlines():
@@ -67,7 +67,7 @@ def read_header(file: Path) -> ProcessHeader:
 
 
 def process_diagram() -> str:
-    """Who sends each topic to whom, and who shares which arrays: lines of text."""
+    """The diagram as text: senders and receivers of each topic, writers and readers of each array group."""
     headers = process_headers()
     rows = [
         (f"{', '.join(senders)}", f"--{topic.name}-->", ", ".join(hears))

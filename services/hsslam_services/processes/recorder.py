@@ -1,5 +1,5 @@
-"""The recorder process: all topics into the MCAP log, run.rrd and the viewer. Only the camera waits for it,
-in lockstep and at its end.
+"""The recorder process: writes all topics to the MCAP log, run.rrd and the viewer. Only the camera waits for
+it, in lockstep and at the end.
 
 Subscribes: every logged topic
 Publishes: sys/step
@@ -40,7 +40,7 @@ from hsslam_services.viewer.leave_out_pandas import leave_out_pandas
 from hsslam_services.viewer.view import RerunView
 from hsslam_services.viewer.whole_mesh import WholeMesh
 
-_LARGE = {  # and how many of them may wait
+_LARGE = {  # topics of large messages, and how many messages may wait
     topics.FRAME: 16,
     topics.VIEW: 16,
     topics.GRID: 16,
@@ -49,23 +49,23 @@ _LARGE = {  # and how many of them may wait
 }
 _DEPTH = 8192
 _DRAWN_AGAIN = (topics.POSE, topics.KEYFRAME, topics.CORRECTION)  # for a new viewer or file
-_DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
-_OUTSIDE_S = 2.0  # at the end, for frames and inputs on their way
-_TURN_S = 0.3  # for messages on their way from senders without heartbeats
+_DRAIN_S = 5.0  # at the end, for the last heartbeats of other processes; a killed one sends none
+_OUTSIDE_S = 2.0  # at the end, for frames and inputs in transit
+_TURN_S = 0.3  # at the end, for messages in transit from senders without heartbeats
 
 
 class Recorder:
-    """Logs all topics of the table that are logged and draws those that are drawn.
+    """Logs the topics that the table marks as logged, and draws those that it marks as drawn.
 
-    A restarted recorder opens the next part at once, finishes that of its predecessor beside it, logs what
-    publishers kept meanwhile once, and draws again the path and keyframes that they keep. Nearly full disk:
-    frames, meshes and run.rrd are left out, all else goes on. `report(level, text)` takes its events.
-    `viewer_memory_gb`: limit of a viewer that is started here (None: its default). `is_lockstep`: publishes
-    a step for each frame that is logged; otherwise only once the source has ended. `camera_arena`: of the
-    camera process whose frames are logged, and no others (None: those of any camera).
+    A restarted recorder opens the next part at once, and finishes the previous one in a thread. It logs the
+    messages that publishers kept meanwhile, each once, and draws the path and the keyframes again. If the
+    disk is nearly full, it leaves out frames, meshes and run.rrd. `report(level, text)` takes events.
+    `viewer_memory_gb`: limit of a viewer started here; None: its default. `is_lockstep`: publish a step for
+    each logged frame, else only after the end of the source. `camera_arena`: log only frames of the camera
+    process of this arena; None: of any camera.
 
     Raises:
-        UserError: the run folder cannot be written, or the viewer cannot be started.
+        UserError: the run folder is not writable, or the viewer cannot be started.
     """
 
     def __init__(
@@ -89,12 +89,10 @@ class Recorder:
         self._senders = AtWork(bus.process)
         try:
             self._recorded = RecordedSoFar(run_dir, run_id)
-            self._unfinished = UnfinishedParts(run_dir, report)  # after it has read their ends
+            self._unfinished = UnfinishedParts(run_dir, report)  # after `RecordedSoFar` read them
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
-            raise UserError(
-                f"{run_dir}: {error.strerror}: expected to write the log there"
-            ) from None
+            raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
         self._whole_mesh = WholeMesh(self._log.path, time.monotonic())
         self._foxglove = FoxgloveLayer(self._log.write_viz)
         rrd = self._log.path.with_suffix(".rrd")
@@ -108,14 +106,14 @@ class Recorder:
                 _LARGE.get(topic, _DEPTH),
                 history=topic.history > 0 or topic.keeps_state,
             )
-            for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # it is last
+            for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # frames last
             if topic.logged
         ]
         frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
         self._inlet = FrameInlet(frames, FrameOrder(), camera_arena)
 
     def spin_once(self, timeout_s: float = 0.2) -> bool:
-        """Log what waits: all small messages, one of each large kind, a frame last; False if nothing came."""
+        """Log all waiting small messages and one of each large topic, a frame last; False if none came."""
         if not any(subscription.pending() for subscription in self._subscriptions):
             self._bus.wait(timeout_s)
         worked = False
@@ -163,7 +161,7 @@ class Recorder:
         self._view.show_images_every(seconds)
 
     def close(self) -> dict[str, Any]:
-        """Log what is still on its way, finish log and viewer; returns what the summary says of the log."""
+        """Log the messages in transit, finish log and viewer; returns the log's section of the summary."""
         self._drain()
         self._foxglove.write_blocks(at_once=True)
         self._view.close()
@@ -181,9 +179,9 @@ class Recorder:
         }
 
     def _drain(self) -> None:
-        """Log until every process that was heard has sent its last heartbeat, which follows all it sent.
+        """Log until all known processes have sent their last heartbeats, which follow all their messages.
 
-        A camera outside may send for ever: soon no more of it is taken.
+        An external camera may send for ever, so `in/` topics close after 2 s.
         """
         outside = [s for s in self._subscriptions if s.topic.name.startswith("in/")]
         begin_s = time.monotonic()
@@ -194,7 +192,7 @@ class Recorder:
                 outside.pop().close()
 
     def _is_owed(self) -> bool:
-        """Whether heartbeats are to come: without the router, as after the supervisor's death, none are."""
+        """Whether heartbeats may still come; none come without the router, after the supervisor's death."""
         return bool(self._senders) and self._bus.is_connected()
 
     def _record(self, topic: Topic, received: Received) -> None:
@@ -217,7 +215,7 @@ class Recorder:
                 logged = compress_frame(message, self._log.settings.color)
                 is_drawable = logged.color_encoding == "jpeg"
                 message = logged if is_drawable else compress_frame(message)
-            except UserError:  # no image: the tracker tells it
+            except UserError:  # the tracker reports it
                 self._unusable += 1
                 return
             payload = encode(topics.FRAME, logged)

@@ -1,6 +1,6 @@
-"""The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points, the grid.
+"""The ROS 2 output process: publishes poses, transforms, path, points and grid to ROS 2, over rmw_zenoh.
 
-It asks the tracker to look for the camera where `/initialpose` says that it is.
+It passes the pose of `/initialpose` on to the tracker, which looks for the camera there.
 
 Subscribes: in/frame, out/pose, out/grid, out/esdf
 Arena: reads keyframes, pose_log
@@ -37,8 +37,8 @@ from hsslam_services.run.source_table import speaks_ros2
 from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 _POLL_S = 0.1
-_CONNECT_S = 1.0  # in which a router answers; the end of the run waits no longer
-_PATH_S, _POINTS_S = 1.0, 0.2  # between two
+_CONNECT_S = 1.0  # for a router to answer; delays the end of the run by at most this
+_PATH_S, _POINTS_S = 1.0, 0.2  # between messages
 _MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
 
@@ -69,20 +69,20 @@ def _run(worker: Worker) -> None:
 
 
 def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
-    """The node, once the router of ROS nodes is there, which may be started later; None: the run ends."""
+    """The node; waits for the router of ROS nodes, which may start later; None if the run ends first."""
     endpoint, options = worker.run.ros_endpoint, worker.options
-    is_told = False
+    is_reported = False
     for _ in worker.tries():
         try:
             node = RosNode(
                 endpoint, options.ros2.domain, options.ros2_out, "slam", messages, _CONNECT_S
             )
         except UserError as error:
-            if not is_told:
-                worker.event("warning", f"{error}: ROS 2 hears nothing until it is there")
-            is_told = True
+            if not is_reported:
+                worker.event("warning", f"{error}: no output to ROS 2 until it is there")
+            is_reported = True
         else:
-            if is_told:
+            if is_reported:
                 worker.event("info", f"{endpoint}: connected to the router of ROS nodes")
             return node
     return None
@@ -94,7 +94,7 @@ def _floor_out(worker: Worker, node: RosNode, messages: RosMessages, frame: str)
 
 
 class Ros2Out:
-    """Publishes what a pose brings. A lost frame brings nothing, so transforms of ROS grow old."""
+    """Publishes poses, transforms, path and points; nothing for a lost frame, so ROS sees old transforms."""
 
     def __init__(self, worker: Worker, node: RosNode, messages: RosMessages) -> None:
         self._worker = worker
@@ -108,7 +108,7 @@ class Ros2Out:
         self._clock = StampClock()
         if not self._has_ros_stamps:
             self._learn_of_earlier_frames(PoseLog(worker.arena))
-        self._last: tuple[Pose, np.ndarray] | None = None  # that was told, and its T_odom_base
+        self._last: tuple[Pose, np.ndarray] | None = None  # last published, and its T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
         self._odometry = node.publisher("odom", "nav_msgs/msg/Odometry", each)
@@ -126,7 +126,7 @@ class Ros2Out:
 
     @property
     def frames(self) -> RobotFrames:
-        """The robot in the world of now, which another may have begun: that of a saved map."""
+        """The robot in the present world frame, which may be that of a loaded map."""
         store = self._link.store()
         return (
             replace(self._robot, T_level_world=store.world_frame.T_level_world)
@@ -135,22 +135,22 @@ class Ros2Out:
         )
 
     def tell(self, pose: Pose) -> None:
-        """Publish a pose, and what is due of the rest."""
+        """Publish a pose, and path and points if they are due."""
         is_again = self._last and self._stamp_ns(self._last[0]) == self._stamp_ns(pose)
         if pose.status == "lost" or is_again:
             return
         self._clock.learn(pose.source_stamp_ns, self._stamp_ns(pose))
         with self._worker.timed("ros2"):
-            self._tell_pose(pose)
+            self._publish_pose(pose)
             now_s = time.monotonic()
             if now_s >= self._next_path_s and self._path.has_subscribers():
                 self._next_path_s = now_s + _PATH_S
-                self._tell_path(pose)
+                self._publish_path(pose)
             is_due = now_s >= self._next_points_s and not pose.is_dead_reckoned
             if is_due and self._points.has_subscribers():
-                self._tell_points(pose, now_s)
+                self._publish_points(pose, now_s)
 
-    def _tell_pose(self, pose: Pose) -> None:
+    def _publish_pose(self, pose: Pose) -> None:
         stamp_ns, make, frames = self._stamp_ns(pose), self._messages, self.frames
         names = self.names
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
@@ -180,8 +180,8 @@ class Ros2Out:
         self._worker.count("poses")
 
     def _twist(self, pose: Pose, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
-        """[6] since the pose before, in axes of the base, and the time since by the source's clock; 0 where
-        the motion is not known, as for the first."""
+        """Velocity [6] since the previous pose, in axes of the base, and the time since then by the source's
+        clock, s; 0 if the motion is unknown, as for the first pose."""
         before, self._last = self._last, (pose, T_odom_base)
         if before is None or pose.odometry_stands:
             return np.zeros(6), 0.0
@@ -191,14 +191,14 @@ class Ros2Out:
         return velocity(before[1], T_odom_base, seconds), seconds
 
     def _learn_of_earlier_frames(self, log: PoseLog) -> None:
-        """Stamps of keyframes from before this process began, which the path names."""
+        """Learn the stamps of frames before the start of this process; the path needs those of keyframes."""
         for rows in log.slabs():
             both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
             for source_ns, ros_ns in both:
                 self._clock.learn(source_ns, ros_ns)
 
-    def _tell_path(self, pose: Pose) -> None:
-        """The keyframes as they are placed now, thinned evenly."""
+    def _publish_path(self, pose: Pose) -> None:
+        """Publish the keyframes at their present poses, thinned evenly."""
         store = self._link.store()
         if store is None or store.count == 0:
             return
@@ -206,16 +206,16 @@ class Ros2Out:
         path = keyframe_path(store, self.frames, self._clock, stamp_ns, _MOST_PATH_POSES)
         self._path.put(self._messages.path(stamp_ns, self.names.map, *path))
 
-    def _tell_points(self, pose: Pose, now_s: float) -> None:
-        """What the frame of this pose shows, if anything, in the camera's frame: layers of a costmap clear
-        along the rays from the origin of that frame."""
-        if self._images is None:  # images cost something: only from the first subscriber on
+    def _publish_points(self, pose: Pose, now_s: float) -> None:
+        """Publish the points of this pose's image in the camera's frame: layers of a costmap clear along the
+        rays from the origin of that frame."""
+        if self._images is None:  # receive images only from the first subscriber on
             self._images = WaitingFrames(self._worker.bus)
         message = self._images.of(pose)
         if message is None:
             return
         points, colors = depth_points(frame_from_message(message), _MOST_POINTS, self._max_depth_m)
-        if not len(points):  # an empty cloud would tell a robot that nothing is in its way
+        if not len(points):  # for a robot, an empty cloud means free space
             return
         self._next_points_s = now_s + _POINTS_S
         cloud = self._messages.cloud(self._stamp_ns(pose), self.names.camera, points, colors)

@@ -1,6 +1,6 @@
-"""The tracker process: frames in, poses and keyframes out.
+"""The tracker process: tracks frames, and publishes poses and keyframes.
 
-Answers the request `locate`, which the supervisor passes on.
+It answers the request `locate`, which the supervisor passes on.
 
 Subscribes: in/frame
 Publishes: out/pose, out/keyframe
@@ -64,7 +64,7 @@ def _run(worker: Worker) -> None:
 
 
 class _TrackerLoop:
-    """Tracks one frame message at a time; goes on where a predecessor that died has left off."""
+    """Tracks one frame message at a time; resumes after a restart."""
 
     def __init__(self, worker: Worker, order: FrameOrder) -> None:
         self._worker = worker
@@ -78,7 +78,7 @@ class _TrackerLoop:
         options = worker.options
         self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
-        self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for all
+        self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
         self._governor = LatencyGovernor(
             SharedLevel(worker.run.arena_dir),
             granted_cores() if self._is_realtime else math.inf,
@@ -104,7 +104,7 @@ class _TrackerLoop:
         )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
-        """Track and publish; a frame that was answered before is answered again."""
+        """Track a frame and publish its pose; for a frame tracked before, publish its pose again."""
         if place.kind == "old":
             self._poses.put_again(place)
             return
@@ -137,7 +137,7 @@ class _TrackerLoop:
                 self._tracker.prepare_next()
 
     def _refuse(self, error: UserError, received: Received) -> None:
-        """A frame that cannot be used; in lockstep all wait for its answer, so it is lost."""
+        """Drop an unusable frame; in lockstep, publish it as lost, as the run waits for its pose."""
         index = received.message.index
         self._worker.warn_once(Report("unusable frames", f"frame {index} dropped: {error}"))
         if not self._is_realtime:
@@ -145,7 +145,7 @@ class _TrackerLoop:
             self._order.take(received.place)
 
     def finish(self) -> None:
-        """No frame comes any more: a fragment that is about to join the map does."""
+        """After the last frame: join a fragment that is about to join the map."""
         self._asked.close()
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
@@ -165,12 +165,12 @@ class _TrackerLoop:
         with self._worker.timed("track"):
             try:
                 return self._tracked(self._tracker, frame, views.newest() if views else None)
-            except TornMapError:  # it took as long as two publications
+            except TornMapError:  # the mapper published twice meanwhile
                 self._worker.count("tracked again")
                 return self._tracked(self._tracker, frame, views.copied() if views else None)
 
     def _tracked(self, tracker: FrameTracker, frame: Frame, view: MapView | None) -> TrackResult:
-        """Near the place that a client names, if one does, else from where the camera was."""
+        """Look for the camera near the pose that a client asks for, if there is one; else track it."""
         localise_only = self._mode.localise_only
         if (near := self._asked.near) is not None:
             found = tracker.find_near(frame, view, near, localise_only=localise_only)
@@ -181,7 +181,7 @@ class _TrackerLoop:
         return tracker.track(frame, view, localise_only=localise_only)
 
     def _map_views(self) -> MapViews | None:
-        """None before there is a map."""
+        """The views of the map; None before there is a map."""
         parameters = self._link.parameters()
         if self._views is None and parameters is not None:
             by_rendering = self._worker.options.slam.tracker.method == "rendering"
@@ -189,12 +189,12 @@ class _TrackerLoop:
         return self._views
 
     def _join(self, joined: JoinedFragment) -> None:
-        """A fragment has joined the map."""
+        """Record and publish that a fragment has joined the map."""
         self._poses.join(joined)
         self._keyframes.put_joined(joined)
 
     def _pose_version(self) -> int:
-        """Of the keyframes' poses that the next frame is aligned to."""
+        """Version of the keyframe poses to which the next frame is aligned."""
         store = self._link.store()
         return 0 if store is None else store.pose_version
 

@@ -1,4 +1,4 @@
-"""The trajectory saver: writes the trajectories when a run or a map ends; a process is a file of its own.
+"""The trajectory saver: writes the trajectories when a run or a map epoch ends; apart as each process is.
 
 Arena: reads keyframes, map_state, pose_log
 """

@@ -62,7 +62,7 @@ def test_a_router_that_comes_after_the_run_hears_of_it(process, router_endpoint)
     with ExitStack() as opened:
 
         def meanwhile() -> None:
-            assert process.next_event().endswith("ROS 2 hears nothing until it is there")
+            assert process.next_event().endswith("no output to ROS 2 until it is there")
             opened.enter_context(closing(open_router(router_endpoint)))
             expected = f"{router_endpoint}: connected to the router of ROS nodes"
             assert process.next_event() == expected
