@@ -17,8 +17,9 @@ from tests.small_room import SMALL, mapped_room
 _SECTIONS = dict(
     re.findall(r"^## ([^\n]*)\n(.*?)(?=^## )", (ROOT / "docs/maps.md").read_text(), re.M | re.S)
 )
-_ASK, _ROBOTS = _SECTIONS["Ask a map for distances"], _SECTIONS["Write a map for robots"]
-_TOOLS = _SECTIONS["Write a map for other tools"]
+_ASK = _SECTIONS["Query distances in a map"]
+_ROBOTS = _SECTIONS["Export a map to Nav2 and planners"]
+_TOOLS = _SECTIONS["Export a map to other tools"]
 
 
 @pytest.fixture(autouse=True)
