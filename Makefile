@@ -1,26 +1,26 @@
-# make run   install into .venv, run the main job on the built-in room, leave a picture of the result
+# make run   install into .venv, run the service on the built-in room, write a picture of the result
 # make test  install what the tests need, run them
 # make lint  formatter, linter, type checker, generated docs
 # make docs  build the site of docs/ into build/site, strictly
-# make docs-update  write the generated parts of documents anew
-# make bench measure the table of the README and store it as JSON; BATCH=1 runs lockstep rows as tasks of Ray,
-#            BATCH=ADDRESS of a cluster
-# make lock  write requirements/*.lock anew from pyproject.toml; UPGRADE=1 for the newest versions
-# make resolve  do pyproject.toml and the locks resolve on plain PyPI, for every Python and platform?
-# make package  build wheel and sdist, install each into a fresh environment, run it there
+# make docs-update  write the generated parts of the documents
+# make bench measure the figures of the README and store them as JSON; BATCH=1 runs lockstep rows as Ray
+#            tasks, BATCH=HOST:PORT on a cluster
+# make lock  write requirements/*.lock from pyproject.toml; UPGRADE=1 takes the newest versions
+# make resolve  check that pyproject.toml and the locks resolve on PyPI, for every Python and platform
+# make package  build wheel and sdist, install each into a fresh environment, run every command there
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= runs/room
 LOCKS := $(wildcard requirements/*.*)
-GENERATED := $(addprefix docs/,architecture.md cameras.md cli.md wire.md)  # their parts between [[[cog and [[[end]]]
-marked = $(shell grep --recursive --files-with-matches 'mark\.$1\b' tests --include 'test_*.py')  # no other need be imported
+GENERATED := $(addprefix docs/,architecture.md cameras.md cli.md wire.md)  # the parts between [[[cog and [[[end]]]
+marked = $(shell grep --recursive --files-with-matches 'mark\.$1\b' tests --include 'test_*.py')  # pytest need not import the others
 UV_VERSION := 0.13.9
 UV := build/uv/bin/uv
 
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
-# the first process that imports a package compiles it (see --no-compile in requirements/install.py), not every one
+# let the first process that imports a package write its bytecode (see --no-compile in requirements/install.py)
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test lint docs docs-update bench lock resolve package clean look-again
@@ -41,11 +41,11 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/cog --check $(GENERATED)
 
-# without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
+# no --quiet, because it hides warnings from --strict; NO_MKDOCS_2_WARNING hides an advertisement of the theme
 docs: $(VENV)/.installed-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file docs/site/mkdocs.yml
 
-# what documents say of topics, processes and commands, written anew from the code
+# writes the parts on topics, processes and commands from the code
 docs-update: $(VENV)/.installed-dev
 	$(BIN)/cog -r $(GENERATED)
 
@@ -58,7 +58,7 @@ package:
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
-# TORCH=cpu|cuda chooses PyTorch's build, else the machine does; where it is set, the installer looks again
+# TORCH=cpu|cuda chooses PyTorch's build, else the machine does; if it is set, the installer runs again
 $(VENV)/.installed: pyproject.toml $(LOCKS) $(if $(TORCH),look-again)
 	$(PYTHON) requirements/install.py --venv $(VENV) --editable
 	touch $@
