@@ -1,9 +1,9 @@
-"""Map a source, then ask the map: how far surfaces are, where rays end, and where a body fits.
+"""Map a source, then query the map: distances to surfaces, hits of rays, and whether a body fits.
 
     python examples/ask_distances.py [synth:room [60 [map.safetensors]]]
 
-The number is that of frames. If a file is named, the map is kept there, and `SavedMap.open` of it answers the
-same.
+The arguments are source, number of frames, and a file for the map. `SavedMap.open` of this file gives the
+same answers.
 """
 
 import sys
@@ -19,7 +19,7 @@ from hsslam_node.sources.options.source import SourceOptions
 
 
 def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
-    """Map the first frames, and print what the map says along the camera's view."""
+    """Map the first frames, and print the answers of the map along the camera's view."""
     if not (frames.isdecimal() and int(frames)):
         raise UserError(f"{frames}: expected a number of frames, 1 or more")
     slam = Slam(PRESETS["realtime"])
@@ -33,7 +33,7 @@ def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
 
 
 def ask(slam: Slam) -> None:
-    """Ask along the axis of the last camera."""
+    """Query points and rays along the optical axis of the last camera."""
     T_world_cam = slam.trajectory().T_world_cam[-1]
     eye, ahead = T_world_cam[:3, 3], T_world_cam[:3, 2]
 

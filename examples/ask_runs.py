@@ -1,8 +1,8 @@
-"""Ask the table of a batch what logs cost, and which lost most frames; three libraries, the same answers.
+"""Query the table of a batch for the cost of logs and the most lost frames, with one of three libraries.
 
     python examples/ask_runs.py tonight/runs.parquet [pandas|duckdb|polars]
 
-Costs are core seconds a minute of log, for each kind of source. Install the library that you ask with.
+Costs are core seconds a minute of log, for each kind of source. Install the library that you name.
 """
 
 import sys

@@ -1,10 +1,10 @@
-"""Export a saved map for Gaussian splats, and draw the points that they start from beside an image.
+"""Export a saved map for Gaussian splats, and draw their initial points beside an image.
 
     python examples/export_for_splats.py runs/desk [FOLDER]
 
 FOLDER (default `splats`) is what nerfstudio and Brush open: `ns-train splatfacto --data FOLDER`. Training
-needs no structure from motion: poses, points and depth come from the map. FOLDER/start.png has the first
-image on the left, on the right the points as its camera sees them.
+needs no structure from motion: poses, points and depth come from the map. FOLDER/start.png shows the first
+image on the left, and the points from its camera on the right.
 """
 
 import json
@@ -22,7 +22,7 @@ _BACK = np.diag([1.0, -1.0, -1.0, 1.0])  # from the axes of OpenGL to those of O
 
 
 def main(run: str, folder: str = "splats") -> int:
-    """Export, then look at what was written as a trainer does."""
+    """Export, then read the files as a trainer does."""
     if code := hsslam_map(["export", run, "--format", "nerfstudio", "--out", folder]):
         return code
     place = Path(folder)
@@ -40,7 +40,7 @@ def main(run: str, folder: str = "splats") -> int:
 
 
 def draw(cloud: Any, frame: dict[str, Any]) -> np.ndarray:
-    """The points as the camera of the frame sees them, [h, w, 3] uint8 BGR, each three pixels wide."""
+    """The points in the camera of the frame, [h, w, 3] uint8 BGR, each three pixels wide."""
     T_cam_world = np.linalg.inv(np.array(frame["transform_matrix"]) @ _BACK)
     x, y, z = T_cam_world[:3, :3] @ cloud.vertices.T + T_cam_world[:3, 3:]  # [N] each
     ahead = np.flatnonzero(z > 0.1)

@@ -1,10 +1,10 @@
-"""Merge two runs in one place, and say how much of it each of them had seen.
+"""Merge two runs in the same place, and print how much of the surface each run had seen.
 
     python examples/merge_two_sessions.py runs/monday runs/tuesday [FOLDER]
 
-The runs may begin anywhere and know nothing of each other. FOLDER (default `merged`) becomes a run folder in
-the coordinate frame of the first. If the runs do not meet, the command says so in one line and exits with
-code 2.
+The runs are independent and may start anywhere. FOLDER (default `merged`) becomes a run folder in the
+coordinate frame of the first run. If the runs have no common places, the command reports this in one line
+and exits with code 2.
 """
 
 import json
@@ -19,7 +19,7 @@ from hsslam_services.commands.maps.command import main as hsslam_map
 
 
 def main(first: str, second: str, folder: str = "merged") -> int:
-    """Merge, then ask the map of each run for the places of the surface."""
+    """Merge, then query the map of each run at the vertices of the merged mesh."""
     if code := hsslam_map(["merge", first, second, "--out", folder]):
         return code
     place = Path(folder)

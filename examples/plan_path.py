@@ -4,9 +4,9 @@
 
 MAP is a run folder or a file such as map.safetensors.
 
-The robot keeps its height. It reaches from FROM_M to TO_M above the first camera: a drone from -0.1 to 0.1,
-which is the default, a robot on wheels below a camera at 1.2 m from -1.1 to -0.6. It starts where it has most
-room, and goes to the farthest place that it can reach. What no keyframe saw counts as blocked.
+The robot keeps its height. Its body is between the heights FROM_M and TO_M above the first camera: -0.1 and
+0.1 (the default) for a drone, -1.1 and -0.6 for a robot on wheels if the camera is at 1.2 m. The path starts
+at the point with most clearance, and ends at the farthest point in reach. Unobserved space counts as blocked.
 """
 
 import math
@@ -22,7 +22,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
 
 CELL_M, RADIUS_M, REACH_M = 0.05, 0.2, 6.0
-PIXELS = 5  # of the picture, a cell
+PIXELS = 5  # of the picture, for each cell
 
 
 def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: str = "0.1") -> None:
@@ -50,9 +50,9 @@ def _metres(text: str) -> float:
 
 
 def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points [n, n, 3] m of a level grid around the first camera, and the room [n, n] m around each.
+    """Points [n, n, 3] m of a level grid around the first camera, and the clearance [n, n] m of each.
 
-    The room is the least distance, over the robot's heights, to a surface or to what no keyframe saw.
+    The clearance is the smallest distance, over the robot's heights, to a surface or to unobserved space.
     """
     poses = saved.trajectory().T_world_cam
     up, ahead = mean_up(poses), mean_ahead(poses)
@@ -70,9 +70,9 @@ def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, 
 
 
 def plan(clearance_m: np.ndarray) -> np.ndarray:
-    """The cheapest way [P, 2] (rows, columns) from where there is most room to what costs most to reach.
+    """The cheapest path [P, 2] (rows, columns) from the cell with most clearance to the costliest in reach.
 
-    Cells near walls cost more. Cells with less room than the robot's radius are closed.
+    Cells near walls cost more. Cells with less clearance than the robot's radius are blocked.
     """
     start = np.unravel_index(np.argmax(clearance_m), clearance_m.shape)
     if clearance_m[start] < RADIUS_M:
@@ -88,7 +88,7 @@ def plan(clearance_m: np.ndarray) -> np.ndarray:
 
 
 def draw(clearance_m: np.ndarray, path: np.ndarray, picture: str) -> None:
-    """From above: the lighter, the more room; what is closed is dark red, the way blue."""
+    """A picture from above: lighter cells have more clearance, blocked ones are dark red, the path blue."""
     grey = np.clip(255 * clearance_m, 0, 255).astype(np.uint8)  # white: a metre
     image = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     image[clearance_m < RADIUS_M] = (40, 20, 80)

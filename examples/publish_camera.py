@@ -3,7 +3,7 @@
     python examples/publish_camera.py synth:room [tcp/127.0.0.1:7447 [robot]]
     python examples/publish_camera.py synth:room tls/10.0.0.7:7447 robot certs/camera
 
-Replace `open_source` by your own driver: undistorted colour and the depth registered to it.
+Replace `open_source` by your own driver. It must give undistorted colour, and depth registered to it.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""A client in 27 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
+"""A client in 27 lines that needs only `eclipse-zenoh` and `msgpack`, not this package.
 
 The service needs a port: hsslam-serve --zenoh-port 7447.
 

@@ -1,4 +1,4 @@
-"""Prints the parameters of Nav2 with those of navigation.yaml in them; needs PyYAML, which ROS brings.
+"""Print the parameters of Nav2 with navigation.yaml merged in; needs PyYAML, a dependency of ROS.
 
 python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
 """
@@ -17,7 +17,7 @@ def main(path: str) -> None:
 
 
 def merged(theirs: Any, ours: Any) -> Any:
-    """Ours; of two mappings all keys, those of both merged in the same way."""
+    """`ours`, or if both are mappings, the keys of both; keys in both are merged recursively."""
     if not (isinstance(theirs, dict) and isinstance(ours, dict)):
         return ours
     return {**theirs, **{key: merged(theirs.get(key), value) for key, value in ours.items()}}

@@ -1,1 +1,1 @@
-"""A source of HS-SLAM in a package of its own: `--source npz:FOLDER`."""
+"""A source for HS-SLAM in a separate package: `--source npz:FOLDER`."""

@@ -1,4 +1,4 @@
-"""What HS-SLAM reads of this source before it opens it; apart, so that `--help` loads no driver."""
+"""The row that every command reads; a separate module, so that `--help` imports no driver."""
 
 from hsslam_node.sources.source_row import SourceRow, has_files
 

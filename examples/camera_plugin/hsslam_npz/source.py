@@ -1,4 +1,4 @@
-"""A folder of frames, `npz:FOLDER`: camera.json, and one .npz a frame with stamp_ns, color and depth."""
+"""A folder of frames, `npz:FOLDER`: camera.json, and a .npz for each frame with stamp_ns, color and depth."""
 
 import json
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ class NpzSource:
         self.frame_count: int | None = len(self._files)
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every frame; one that cannot be read comes as a `BadFrame`, and the run goes on."""
+        """Every frame; a `BadFrame` for one that cannot be read, and the run goes on."""
         for index, file in enumerate(self._files[first:], first):
             try:
                 with np.load(file) as arrays:
