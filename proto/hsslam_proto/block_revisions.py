@@ -1,4 +1,4 @@
-"""Which blocks of a message are news; a file of its own as meshes and distances come in blocks."""
+"""Which blocks of a message are newer than those received before; for meshes and distances."""
 
 from collections.abc import Iterable, Mapping
 from typing import TypeVar
@@ -9,9 +9,9 @@ _NONE_YET = (-1, -1)
 
 
 class BlockRevisions:
-    """Says which blocks of a message are news, in whatever order messages come; memory is that of the blocks.
+    """Finds the blocks of a message that are newer than those before; messages may come in any order.
 
-    `begins_anew`: whether blocks that were sent before the last message are gone, with their sender or map.
+    `begins_anew`: the last message began a new map epoch or series, so all blocks before it are gone.
     """
 
     def __init__(self) -> None:
@@ -21,11 +21,11 @@ class BlockRevisions:
 
     @property
     def map_epoch(self) -> int:
-        """Of the blocks that are taken now; -1: there were none yet."""
+        """Newest map epoch of the blocks; -1: no block yet."""
         return self._epoch[0]
 
     def begin(self, map_epoch: int) -> bool:
-        """Take no more blocks of earlier map epochs; whether there were any."""
+        """Ignore blocks of earlier map epochs from now on; returns whether this epoch is newer."""
         is_later = map_epoch > self._epoch[0]
         if is_later:
             self._epoch = (map_epoch, -1)
@@ -33,13 +33,13 @@ class BlockRevisions:
         return is_later
 
     def is_past(self, map_epoch: int, series: int) -> bool:
-        """Whether blocks of this map epoch and series are gone."""
+        """Whether this map epoch and series are older than the newest."""
         return (map_epoch, series) < self._epoch
 
     def news(
         self, map_epoch: int, series: int, revision: int, blocks: Mapping[Block, V]
     ) -> dict[Block, V]:
-        """The blocks of a message that are newer than those before."""
+        """The blocks of a message that are at least as new as those before."""
         epoch = (map_epoch, series)
         is_later = epoch > self._epoch
         self.begins_anew = is_later and self._epoch != _NONE_YET
@@ -57,6 +57,6 @@ class BlockRevisions:
         return newer
 
     def forget(self, blocks: Iterable[Block]) -> None:
-        """Whatever comes of these blocks is news again."""
+        """Forget the revisions of these blocks: any revision is new again."""
         for block in blocks:
             self._revisions.pop(block, None)

@@ -1,4 +1,4 @@
-"""Messages to payloads and back. What cannot be read becomes a `Rejected`, never an exception."""
+"""Encodes and decodes messages. An unreadable payload becomes a `Rejected`, never an exception."""
 
 import re
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 @dataclass(frozen=True)
 class Payload(Generic[M]):
-    """What is encoded without being a topic: `name` stands in what is told of it."""
+    """A message type that is no topic, as of requests; error texts have its `name`."""
 
     name: str
     message: type[M]
@@ -33,7 +33,7 @@ class Payload(Generic[M]):
 
 @dataclass(frozen=True)
 class Rejected:
-    """Why a payload was not read, in one line for the operator."""
+    """Why a payload was rejected, in one line for the operator."""
 
     topic: str
     reason: Literal["encoding", "schema", "version", "size", "attachment", "malformed", "sequence"]
@@ -49,7 +49,7 @@ def encode(topic: Topic[M] | Payload[M], message: M) -> bytes:
     """Payload of a message.
 
     Raises:
-        ValueError: the message is of another type than the topic's, or above its size limit.
+        ValueError: the message has another type than the topic, or exceeds its size limit.
     """
     if type(message) is not topic.message:
         raise ValueError(
@@ -64,7 +64,7 @@ def encode(topic: Topic[M] | Payload[M], message: M) -> bytes:
 
 
 def decode(topic: Topic[M] | Payload[M], payload: bytes, encoding: str) -> M | Rejected:
-    """The message in a payload, its byte fields as views of it; or why it cannot be read."""
+    """The message in a payload, its byte fields as views of the payload; or the reason for rejection."""
     rejected = check(topic, len(payload), encoding)
     if rejected is not None:
         return rejected
@@ -75,7 +75,7 @@ def decode(topic: Topic[M] | Payload[M], payload: bytes, encoding: str) -> M | R
 
 
 def check(topic: Topic | Payload, nbytes: int, encoding: str) -> Rejected | None:
-    """What can be refused before the payload is touched: size, encoding, schema, major version."""
+    """Check size, encoding, schema and major version without decoding the payload; None: all are right."""
 
     def no(reason: Any, found: object, expected: object) -> Rejected:
         return Rejected(

@@ -1,4 +1,4 @@
-"""Frames of the library to messages and back, and logged frames with a new stamp for a replay."""
+"""Converts the library's frames to messages and back; restamps logged frames for a replay."""
 
 import time
 from typing import Any
@@ -19,7 +19,7 @@ from hsslam_proto.pose_codec import covariance_matrix, wire_covariance
 def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.Frame:
     """The frame as an uncompressed message that shares its arrays; `stamp_ns`: wall clock.
 
-    `publisher`: number of the camera, from `new_publisher`; 0: it has none.
+    `publisher`: number of the camera, from `new_publisher`; 0: none.
     """
     camera, reading, imu = frame.camera, frame.odometry, frame.imu
     covariance = None if reading is None else reading.covariance
@@ -46,9 +46,9 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
 
 
 def frame_from_message(message: messages.Frame, publisher: int = 0) -> Frame:
-    """The frame in a message, `stamp_ns` being the source's own; the arrays are its own.
+    """The frame in a message, with copies of its arrays; its `stamp_ns` is the message's `source_stamp_ns`.
 
-    `publisher`: of the camera, where a message that names none may come from; 0: as the message has it.
+    `publisher`: number of the camera, for messages without one; 0: that of the message.
 
     Raises:
         UserError: a compressed image cannot be read or has another size.
@@ -69,7 +69,7 @@ def frame_from_message(message: messages.Frame, publisher: int = 0) -> Frame:
 
 
 def _odometry_reading(message: messages.Frame, publisher: int) -> OdometryReading | None:
-    """Each camera's series are its own: a driver that is restarted has another number of the camera."""
+    """The reading; its series differs from camera to camera, as a restarted driver has a new publisher."""
     if not message.odometry:
         return None
     covariance = covariance_matrix(message.odometry_covariance)
@@ -78,8 +78,8 @@ def _odometry_reading(message: messages.Frame, publisher: int) -> OdometryReadin
 
 
 def color_image(message: messages.Frame) -> np.ndarray:
-    """Colour of a frame message, [H, W, 3] uint8 RGB, perhaps a view of it; UserError if it is no such
-    image."""
+    """Colour of a frame message, [H, W, 3] uint8 RGB, a view if it is raw; UserError if it cannot be read or
+    has another size."""
     if message.color_encoding == "rgb8":
         return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
     from hsslam_node.image_decoding import decoded_rgb
@@ -92,8 +92,8 @@ def color_image(message: messages.Frame) -> np.ndarray:
 
 
 def depth_image(message: messages.Frame) -> np.ndarray:
-    """Depth of a frame message, [H, W] uint16, perhaps a view of it; UserError if it is no such 16-bit
-    PNG."""
+    """Depth of a frame message, [H, W] uint16, a view if it is raw; UserError if it is no 16-bit PNG of this
+    size."""
     if message.depth_encoding == "u16":
         return np.frombuffer(message.depth, "<u2").reshape(_size(message))
     from hsslam_node.image_decoding import decoded_as_stored
@@ -106,10 +106,10 @@ def depth_image(message: messages.Frame) -> np.ndarray:
 
 
 def expect_headers(message: messages.Frame) -> None:
-    """Look at the headers of compressed images, without decoding them.
+    """Check the headers of compressed images, without decoding them.
 
     Raises:
-        UserError: an image is of another kind or size than the message says, or a depth of other pixels.
+        UserError: an image has another encoding, size or pixel type than the message requires.
     """
     for field, encoding in (("color", message.color_encoding), ("depth", message.depth_encoding)):
         if encoding not in ("jpeg", "png"):
@@ -132,7 +132,7 @@ def expect_headers(message: messages.Frame) -> None:
 
 
 def _owned(view: np.ndarray) -> np.ndarray:
-    # bytes of a payload are read-only and lie anywhere: compiled kernels would see other types
+    # bytes of a payload are read-only and not aligned: numba would compile kernels for other types
     return np.require(view, requirements=["ALIGNED", "WRITEABLE", "C_CONTIGUOUS"])
 
 
@@ -152,6 +152,6 @@ def _not_an_image(message: messages.Frame, field: str, kind: str, found: str) ->
 
 
 def restamped(frame: messages.Frame, publisher: int) -> messages.Frame:
-    """The frame as if this camera took it now, so that latencies are those of the replay; the stamp of
-    the source, which goes into trajectories, stays."""
+    """The frame with the wall clock of now as `stamp_ns`, so that latencies are those of the replay;
+    `source_stamp_ns`, which trajectories list, stays."""
     return msgspec.structs.replace(frame, stamp_ns=time.time_ns(), publisher=publisher)

@@ -1,32 +1,33 @@
-"""Which frames of a camera are new; a file of its own as tracker, mapper, logs and replays share it."""
+"""Which frames of a camera are new; tracker, mapper, logs and replays share it."""
 
 import secrets
 from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Literal
 
-LARGEST_INDEX = 2**53  # whole numbers up to there are exact in every language that reads the bus
+LARGEST_INDEX = 2**53  # integers up to this are exact also in languages that have only doubles
 LARGEST_STEP = 2**20  # frames that may be missing at once: ten hours at 30 Hz
-_SENDERS = 2**32  # numbers below are those of attachments: such a sender may count anew unannounced
+_SENDERS = 2**32  # lower numbers come from attachments: such a sender may restart its count
 _NAMED_FROM = 2**62
-_CAMERAS = 64  # that are remembered
+_CAMERAS = 64  # most that are remembered
 
 
 def new_publisher() -> int:
-    """A random number of 63 bits for a camera that numbers its frames from now on."""
+    """A random number of 63 bits for a camera that starts to count frames."""
     return _NAMED_FROM + secrets.randbits(62)
 
 
 def replayed_publisher(publisher: int, replay: int) -> int:
-    """The number of a camera in a replay that drew `replay`: another in each, its own for each camera."""
+    """The number of a camera in a replay: unique for each camera and each `replay`, a random number."""
     return _NAMED_FROM | (publisher ^ replay)
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a frame stands among those of its `sender`.
+    """Order of a frame among the frames of its `sender`.
 
-    `publisher`: of the camera; a sender that counts anew without another number has another each time.
+    `publisher`: number of the camera; if a sender restarts its count under the same number, it gets a new
+    one here.
     """
 
     kind: Literal["new", "old", "absurd"]
@@ -39,15 +40,15 @@ class Place:
 class FrameOrder:
     """Follows the newest frame of each camera.
 
-    A camera with a number of its own (`new_publisher`) counts its frames upwards. Of any other sender, a
-    lower index with a later stamp is the first frame of a new count.
+    A camera with a number from `new_publisher` counts its frames upwards. From any other sender, a lower
+    index with a later stamp is the first frame of a new count.
     """
 
     def __init__(self) -> None:
         self._newest: OrderedDict[int, Place] = OrderedDict()
 
     def place(self, publisher: int, index: int, stamp_ns: int = 0) -> Place:
-        """Where a frame stands; `publisher` is 0 if nothing is known of its sender."""
+        """Order of a frame; `publisher` is 0 if its sender is unknown."""
         newest = self._newest.get(publisher)
         if newest is None:
             return Place("new", publisher, publisher, index, stamp_ns)
@@ -59,19 +60,19 @@ class FrameOrder:
         return Place("new", publisher, newest.publisher + _SENDERS, index, stamp_ns)
 
     def resume(self, publisher: int, index: int, stamp_ns: int) -> None:
-        """Take up the newest frame of a camera, whose `publisher` is that of its `Place`."""
+        """Set the newest frame of a camera; `publisher` as in its `Place`."""
         sender = publisher if publisher >= _NAMED_FROM else publisher % _SENDERS
         self.take(Place("new", sender, publisher, index, stamp_ns))
 
     def take(self, place: Place) -> None:
-        """This frame is done with: it is the newest of its sender."""
+        """Set this frame as the newest of its sender."""
         self._newest[place.sender] = place
         self._newest.move_to_end(place.sender)
         while len(self._newest) > _CAMERAS:
             self._newest.popitem(last=False)
 
     def is_new(self, publisher: int, index: int, stamp_ns: int = 0) -> bool:
-        """Whether a frame is new; if so, it is the newest from now on."""
+        """Whether a frame is new; a new frame becomes the newest."""
         place = self.place(publisher, index, stamp_ns)
         if place.kind == "new":
             self.take(place)

@@ -1,12 +1,12 @@
-"""Which messages belong to the current map epoch; a file of its own as log and viewer share it."""
+"""Which messages belong to the current map epoch; log and viewer share it."""
 
 from hsslam_proto.message import Message
 
 
 class EpochOrder:
-    """Follows the number `map_epoch` of messages, in whatever order they come.
+    """Follows the field `map_epoch` of messages in any order.
 
-    `now`: the newest map epoch. Messages without a number, as frames and events, are of any.
+    `now`: the newest map epoch. Messages without the field, as frames and events, belong to every epoch.
     """
 
     def __init__(self) -> None:
@@ -17,11 +17,11 @@ class EpochOrder:
         return self.begins(getattr(message, "map_epoch", self.now))
 
     def begins(self, map_epoch: int) -> bool:
-        """Whether this is a new map epoch, which is the newest then."""
+        """Whether this map epoch is newer than `now`; if so, it becomes `now`."""
         is_first = map_epoch > self.now
         self.now = max(map_epoch, self.now)
         return is_first
 
     def is_past(self, message: Message) -> bool:
-        """Whether the message is of a map epoch that has ended."""
+        """Whether the message belongs to an earlier map epoch."""
         return getattr(message, "map_epoch", self.now) < self.now

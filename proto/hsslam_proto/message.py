@@ -1,4 +1,4 @@
-"""What every message is made of: the base class, the types of fields, and their checks."""
+"""Base class of messages, types of their fields, and checks."""
 
 import math
 from typing import Annotated, ClassVar, Literal
@@ -33,21 +33,21 @@ Level = Literal["info", "warning", "error"]
 class Message(msgspec.Struct, frozen=True, kw_only=True):
     """Base of all messages. `MAJOR` grows when an old reader would misread a new message.
 
-    New optional fields keep the major; unknown fields are ignored by readers.
+    A new optional field does not change the major version: readers ignore unknown fields.
     """
 
     MAJOR: ClassVar[int] = 1
 
 
 def expect_bytes(message: Message, name: str, nbytes: int) -> None:
-    """ValueError unless a field of bytes has this many."""
+    """Raise ValueError unless the bytes field `name` has `nbytes` bytes."""
     size = memoryview(getattr(message, name)).nbytes
     if size != nbytes:
         raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
 
 
 def expect_finite(message: Message, *names: str) -> None:
-    """ValueError unless these fields are finite numbers."""
+    """Raise ValueError unless these fields are finite numbers."""
     for name in names:
         value = getattr(message, name)
         if not math.isfinite(value):
@@ -55,7 +55,7 @@ def expect_finite(message: Message, *names: str) -> None:
 
 
 def expect_count(message: Message, name: str, count: int) -> None:
-    """ValueError unless a field is empty, or has this many finite numbers."""
+    """Raise ValueError unless the field `name` is empty or has `count` finite numbers."""
     values = getattr(message, name)
     if len(values) not in (0, count):
         raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
@@ -64,7 +64,7 @@ def expect_count(message: Message, name: str, count: int) -> None:
 
 
 def expect_pose_numbers(message: Message, name: str) -> None:
-    """ValueError unless a field is empty, or a pose x, y, z, qx, qy, qz, qw."""
+    """Raise ValueError unless the field `name` is empty or a pose x, y, z, qx, qy, qz, qw."""
     expect_count(message, name, 7)
     if numbers := getattr(message, name):
         x, y, z, *q = numbers
@@ -72,7 +72,7 @@ def expect_pose_numbers(message: Message, name: str) -> None:
 
 
 def expect_pose(t: Vector, q: Quaternion) -> None:
-    """ValueError unless these are finite, and the quaternion xyzw of unit length."""
+    """Raise ValueError unless `t` and `q` are finite and `q` is a unit quaternion xyzw."""
     if not (all(map(math.isfinite, t)) and all(map(math.isfinite, q))):
         raise ValueError(f"pose t = {t}, q = {q}: expected finite numbers")
     norm = math.hypot(*q)

@@ -1,4 +1,4 @@
-"""The messages of frames, poses and the map, as msgspec structs; encoded as msgpack by `codec.py`."""
+"""Messages of frames, poses and the map, as msgspec structs; `codec.py` encodes them as msgpack."""
 
 # ruff: noqa: RUF012 - msgspec copies a default that is an empty list or map
 
@@ -35,31 +35,32 @@ from hsslam_proto.message import (
 class Frame(Message, frozen=True, kw_only=True):
     """One undistorted RGB-D frame; depth is registered to colour; pixel centres at integers.
 
-    `stamp_ns` is the wall clock of the sensor. `source_stamp_ns` is the time of capture on the source's own
-    clock, ns since any moment. It grows from frame to frame: motion is predicted by it, and trajectories have
-    it. A recording sends the stamp in its files, a live driver that of `stamp_ns` or of the camera's clock.
+    `stamp_ns` is the time of capture on the wall clock. `source_stamp_ns` is the time of capture on the
+    source's own clock, ns since any moment. It grows from frame to frame: the tracker predicts motion by it,
+    and trajectories list it. A recording sends the stamp in its files; a live driver sends `stamp_ns` again,
+    or the stamp of the camera's clock.
 
     `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
-    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. Where undistortion
-    finds no pixel, color is that of the border, not black, and depth is 0.
+    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. A pixel that
+    undistortion cannot fill has the colour of the border, not black, and depth 0.
 
-    `publisher` is a random number from 2**62 on that a camera draws each time it counts from 0, so that its
-    frames are known by publisher and index. Without one (0) the publisher in the attachment stands for it,
-    and a lower index with a later `stamp_ns` begins a new count.
+    `publisher` is a random number of at least 2**62. A camera draws a new one each time it counts from 0, so
+    publisher and index identify a frame. If it is 0, the publisher in the attachment takes its place, and a
+    lower index with a later `stamp_ns` begins a new count.
 
     `odometry`: pose of the camera at the stamp by wheel or other odometry, in a frame of its own that
-    drifts: x, y, z, qx, qy, qz, qw. Empty: not known. `odometry_covariance` lists the same 21 numbers as
+    drifts: x, y, z, qx, qy, qz, qw. Empty: unknown. `odometry_covariance` lists the same 21 numbers as
     `covariance` of `Pose`, but along the axes of the odometry's own frame. It grows along the path: its
-    growth between two frames is the covariance of the motion between them. Empty with `odometry`: 2 cm
-    after 1 m and 0.02 rad after 1 rad, standard deviations. `odometry_series` is another random number each
-    time that odometry or its covariance begins anew. If it changes, or the camera does (`publisher`), the
-    motion since the frame before is unknown.
+    growth between two frames is the covariance of the motion between them. Empty beside `odometry`: the
+    standard deviations are 2 cm after 1 m and 0.02 rad after 1 rad. `odometry_series` is a random number,
+    drawn anew each time odometry or its covariance restarts. If it or `publisher` changes, the motion since
+    the frame before is unknown.
 
-    `imu`: what an IMU has integrated up to the stamp, in the camera's axes (x right, y down, z forward) and
-    those that it had when the series began: qx, qy, qz, qw of the camera, the integral of its specific force
-    vx, vy, vz (m/s; at rest it grows upwards), and the time since then (s). `imu_series` names the series:
-    its first stamp, or a later number if the clock was set back. Only differences between frames of one
-    series count. Empty: not known.
+    `imu`: integral of the samples of an IMU from the start of a series to the stamp: rotation of the camera
+    qx, qy, qz, qw, integral of its specific force vx, vy, vz (m/s; at rest it grows upwards), and duration
+    (s). Axes: those of the camera (x right, y down, z forward) at the start of the series. `imu_series` names
+    the series: its first stamp, or a later number if the clock was set back. Only differences between frames
+    of one series are of use. Empty: unknown.
     """
 
     index: FrameIndex
@@ -102,9 +103,9 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
     """Pose of the robot's base (x forward, y left, z up) by wheel or other odometry, in a frame of its own
     that drifts (m; unit quaternion xyzw).
 
-    `stamp_ns` is the wall clock of the measurement. `covariance` lists the same 21 numbers as that of `Pose`,
-    but along the axes of the odometry's own frame. The tracker uses how much it grows from message to
-    message, not its value. Empty: not known. `--base-T-camera` is the pose of the camera on the base.
+    `stamp_ns` is the time of the measurement on the wall clock. `covariance` lists the same 21 numbers as
+    `covariance` of `Pose`, but along the axes of the odometry's own frame. The tracker uses its growth from
+    message to message, not its value. Empty: unknown. `--base-T-camera`: pose of the camera on the base.
     """
 
     stamp_ns: StampNs
@@ -120,9 +121,9 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
 class ImuSamples(Message, frozen=True, kw_only=True):
     """Samples of an IMU, one or more, in the order of their stamps.
 
-    `stamps_ns` are the wall clock of the measurements, `angular_velocity` rad/s, `acceleration` m/s^2 as
-    accelerometers have it: at rest 9.81, upwards. Axes are those of the IMU: `--camera-T-imu` is its pose in
-    the camera's optical frame.
+    `stamps_ns` are the times of the measurements on the wall clock, `angular_velocity` is in rad/s,
+    `acceleration` in m/s^2 as an accelerometer measures it: at rest 9.81, upwards. Axes are those of the IMU:
+    `--camera-T-imu` is its pose in the camera's optical frame.
     """
 
     stamps_ns: Stamps
@@ -133,38 +134,40 @@ class ImuSamples(Message, frozen=True, kw_only=True):
         counts = [len(self.stamps_ns), len(self.angular_velocity), len(self.acceleration)]
         if len(set(counts)) > 1:
             raise ValueError(
-                f"{counts} stamps, angular velocities, accelerations: expected as many of each"
+                f"{counts} stamps, angular velocities, accelerations: expected the same number of each"
             )
 
 
 class Pose(Message, frozen=True, kw_only=True):
-    """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw).
+    """Camera-to-world pose of one frame, as first estimated (m; unit quaternion xyzw).
 
-    `publisher`: number of the camera that sent the frame. A camera that sets none has a new one after each
+    `publisher`: number of the camera that sent the frame. A camera without one gets a new number after each
     restart.
-    `map_version`, `pose_version`: of the map and of the keyframes' poses that the frame was aligned to.
-    `in_keyframe`: x, y, z, qx, qy, qz, qw of the camera in the keyframe `keyframe`, with which it moves when
-    that is corrected, also one of a saved map. Empty: no keyframe, or not told, as in older logs.
-    `map_epoch`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
+    `map_version`, `pose_version`: versions of the map and of the keyframes' poses that the tracker aligned
+    the frame to.
+    `in_keyframe`: pose of the camera in the keyframe `keyframe`: x, y, z, qx, qy, qz, qw. When a correction
+    moves the keyframe, also one of a saved map, the camera moves with it. Empty: no keyframe, or an old log.
+    `map_epoch`, here and elsewhere: number of resets of the map so far. Each new map has a coordinate frame
     of its own, so poses of two map epochs cannot be compared.
 
-    `covariance`: of x, y, z (m) and of rotations about the fixed axes x, y, z (rad), all axes those of the
-    world, the rotation about the camera's centre; the upper triangle of the 6 x 6 matrix row by row, 21
-    numbers. It is of the error against the first frame's pose, or against a saved map: on the two sequences
-    that it was calibrated on, 95 % of the true errors lie inside its 95 % ellipsoid, on another one 52 %.
-    Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
-    the jumps of corrections; it begins with the run and drifts. Empty: not known. `odometry_stands`: the
-    motion to this frame is not known, as after a gap or where a lost camera is found; `odometry` tells none.
-    Height and tilt of `base_link` on that path become those in the map there, if the robot is known.
+    `covariance`: of x, y, z (m) and of rotations about the fixed axes x, y, z (rad) through the camera's
+    centre, along the axes of the world; the upper triangle of the 6 x 6 matrix row by row, 21 numbers. It
+    describes the error against the first frame's pose, or against a saved map: on the two sequences of its
+    calibration, 95 % of the true errors lie inside its 95 % ellipsoid, on another sequence 52 %.
+    Empty: unknown. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without the jumps of
+    corrections; it begins with the run and drifts. Empty: unknown. `odometry_stands`: the motion to this
+    frame is unknown, as after a gap or when a lost camera is found; `odometry` then repeats the last pose. If
+    the pose of the camera on the robot is known, height and tilt of `base_link` are then set to those in the
+    map.
 
-    `up`: direction against gravity in the world, as an IMU tells it. Empty: not known.
+    `up`: direction against gravity in the world, measured by an IMU. Empty: unknown.
 
-    `is_dead_reckoned`: the frame could not be aligned, and its pose is by the odometry of `Frame` alone. Its
-    `quality` is 0; `covariance` says how sure the pose is.
+    `is_dead_reckoned`: the tracker could not align the frame, and its pose comes from the odometry of `Frame`
+    alone. Its `quality` is 0; `covariance` is the uncertainty of the pose.
 
-    `fragment`: 0, or the number of the fragment that a camera which is lost to the map is tracked in; status
-    is then lost, and pose, keyframe and quality are those in the fragment, which has a coordinate frame of
-    its own. Keyframes of a fragment that joins the map are published then, with its number.
+    `fragment`: number of the fragment in which a camera that is lost to the map is tracked; 0: none. In a
+    fragment, status is lost, and pose, keyframe and quality refer to the fragment, which has a coordinate
+    frame of its own. When a fragment joins the map, its keyframes are published with its number.
     """
 
     index: FrameIndex
@@ -203,8 +206,8 @@ class Keyframe(Message, frozen=True, kw_only=True):
     """A frame has become keyframe `id`; its pixels are in the arena.
 
     `fragment`: number of the fragment that the keyframe came from; 0: none. `t_in_fragment`, `q_in_fragment`:
-    its pose in that fragment. It takes the place of the fragment's keyframes from number `fragment_keyframe`
-    on, up to that of the next such message; -1: the number is not known.
+    its pose in that fragment. It replaces the fragment's keyframes from number `fragment_keyframe` up to
+    that of the fragment's next keyframe in the map; -1: unknown.
     """
 
     id: Index
@@ -235,10 +238,10 @@ class MapVersion(Message, frozen=True, kw_only=True):
 
 
 class Correction(Message, frozen=True, kw_only=True):
-    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses. One that
-    moves more than 8192 keyframes comes in several messages of the same `pose_version`.
+    """New poses of keyframes from global BA or mapping, computed from `base_version` of the poses. A
+    correction of more than 8192 keyframes comes in several messages of the same `pose_version`.
 
-    `loops`: pairs of keyframes, the older one first, that were newly seen to show the same place.
+    `loops`: pairs of keyframes, the older one first, of new loop closures.
     """
 
     pose_version: Index
@@ -253,13 +256,13 @@ class Correction(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if not len(self.keyframes) == len(self.t) == len(self.q):
-            raise ValueError("keyframes, t and q: expected one of each per keyframe")
+            raise ValueError("keyframes, t and q: expected lists of the same length")
         for t, q in zip(self.t, self.q, strict=True):
             expect_pose(t, q)
 
 
 class View(Message, frozen=True, kw_only=True):
-    """The map as seen from the pose of frame `index`: [H, W, 3] uint8 RGB, black where it has nothing."""
+    """The map rendered at the pose of frame `index`: [H, W, 3] uint8 RGB, black where the map is empty."""
 
     index: Index
     stamp_ns: StampNs
@@ -276,6 +279,4 @@ def _expect_inertial(frame: Frame) -> None:
     expect_count(frame, "imu", 8)
     norm = math.hypot(*frame.imu[:4])
     if frame.imu and abs(norm - 1) > 1e-3:
-        raise ValueError(
-            f"imu has a quaternion of norm {norm:.4f}: expected a unit quaternion xyzw"
-        )
+        raise ValueError(f"imu: quaternion of norm {norm:.4f}: expected a unit quaternion xyzw")

@@ -1,4 +1,4 @@
-"""Questions about points and their answers, arrays to messages and back."""
+"""Converts arrays to the messages of the request `query` and back."""
 
 import numpy as np
 
@@ -7,21 +7,21 @@ from hsslam_proto.request_messages import PointAnswers, QueryMap
 
 
 def question_message(points: np.ndarray) -> QueryMap:
-    """The question about points [N, 3] m.
+    """The request for points [N, 3] m.
 
     Raises:
-        ValueError: more points than a request takes.
+        ValueError: more points than one request may have.
     """
     return QueryMap(points=_bytes(points, "<f4"))
 
 
 def question_points(message: QueryMap) -> np.ndarray:
-    """The points [N, 3] float32 m of a question."""
+    """The points [N, 3] float32 m of a request."""
     return np.frombuffer(message.points, "<f4").reshape(-1, 3)
 
 
 def answers_message(answers: MapAnswers, map_version: int, map_epoch: int) -> PointAnswers:
-    """The message of answers of a version of the map."""
+    """The message of answers from this version of the map."""
     return PointAnswers(
         count=len(answers.distance_m),
         distance_m=_bytes(answers.distance_m, "<f4"),
@@ -44,5 +44,5 @@ def answers_of(message: PointAnswers) -> MapAnswers:
 
 
 def _bytes(array: np.ndarray, dtype: str) -> memoryview:
-    flat = np.ascontiguousarray(array, dtype).reshape(-1)  # no memoryview has sides of length 0
+    flat = np.ascontiguousarray(array, dtype).reshape(-1)  # a memoryview has no sides of length 0
     return flat.view(np.uint8).data

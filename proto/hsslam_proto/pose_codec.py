@@ -1,4 +1,4 @@
-"""Poses in the form of the wire; a file of its own as tracker, global BA and ROS share it."""
+"""Converts poses to fields of messages and back; tracker, global BA and ROS share it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,7 @@ _UPPER = np.triu_indices(6)
 
 
 def wire_pose(T: np.ndarray) -> tuple[Vector, Quaternion]:
-    """Translation and unit quaternion xyzw of a transform [4, 4], as the wire has them."""
+    """Translation and unit quaternion xyzw of a transform [4, 4], as in messages."""
     x, y, z = map(float, T[:3, 3])
     qx, qy, qz, qw = map(float, quaternion_from_rotation(T[:3, :3]))
     return (x, y, z), (qx, qy, qz, qw)
@@ -30,9 +30,9 @@ def pose_numbers(T: np.ndarray) -> list[float]:
 
 
 def in_joined_keyframe(pose: Pose, of_fragment: Mapping[int, Keyframe]) -> tuple[int, np.ndarray]:
-    """The keyframe of the map that a frame of a joined fragment moves with, and its pose in that [4, 4].
+    """The keyframe of the map that a frame of a joined fragment moves with, and the frame's pose in it.
 
-    `of_fragment`: what the map has in the place of the fragment's keyframes, by `fragment_keyframe`.
+    `of_fragment`: keyframes of the map that replace those of the fragment, by `fragment_keyframe`.
     """
     number = max((n for n in of_fragment if n <= pose.keyframe), default=min(of_fragment))
     keyframe = of_fragment[number]
@@ -41,12 +41,12 @@ def in_joined_keyframe(pose: Pose, of_fragment: Mapping[int, Keyframe]) -> tuple
 
 
 def wire_covariance(covariance: np.ndarray) -> list[float]:
-    """The upper triangle of [6, 6], row by row; empty if it is not known, which is nan."""
+    """The upper triangle of a covariance [6, 6], row by row; empty if it has a nan: unknown."""
     return [] if np.isnan(covariance).any() else covariance[_UPPER].tolist()
 
 
 def covariance_matrix(upper: Sequence[float]) -> np.ndarray | None:
-    """[6, 6] of its upper triangle; None of an empty one."""
+    """The covariance [6, 6] of its upper triangle; None if that is empty."""
     if not upper:
         return None
     out = np.zeros((6, 6))

@@ -1,4 +1,4 @@
-"""What is asked and answered under `rpc/`, as msgspec structs; encoded like the messages of topics."""
+"""Requests and answers under `rpc/`, as msgspec structs; encoded like the messages of topics."""
 
 from typing import Annotated, Literal
 
@@ -25,7 +25,8 @@ MapName = Annotated[
 
 
 class RequestMessage(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a client asks: a field that is not known is refused, so that nothing else than asked is done."""
+    """A request of a client. A request with an unknown field is refused, so the service never does only a
+    part of it."""
 
 
 class Ask(RequestMessage, frozen=True, kw_only=True):
@@ -46,8 +47,8 @@ class SetMode(RequestMessage, frozen=True, kw_only=True):
 
 
 class QueryMap(RequestMessage, frozen=True, kw_only=True):
-    """What the map says of places: `points` [N, 3] float32 x y z (m, world of the map), little endian, one
-    after the other, 100000 points at most.
+    """Distance, gradient and certainty at points: `points` [N, 3] float32 x y z (m, world of the map), little
+    endian, at most 100000 points.
 
     A client divides more points among several requests."""
 
@@ -62,11 +63,10 @@ class QueryMap(RequestMessage, frozen=True, kw_only=True):
 
 
 class Locate(RequestMessage, frozen=True, kw_only=True):
-    """Look for the camera near a pose in the frame of the map's floor, whose z is up: `x` and `y` in m,
+    """Relocalise the camera near a pose in the frame of the map's floor, whose z is up: `x` and `y` in m,
     `yaw_deg` 0 along x and positive to the left.
 
-    It is that of `base_link` if the service knows the camera on it (`--base-T-camera`), else that of the
-    camera."""
+    The pose is that of `base_link` if `--base-T-camera` is set, else that of the camera."""
 
     x: Coordinate
     y: Coordinate
@@ -74,10 +74,10 @@ class Locate(RequestMessage, frozen=True, kw_only=True):
 
 
 class Status(Message, frozen=True, kw_only=True):
-    """How the run goes; counts since its start, rate and latency of the last seconds.
+    """State of the run; counts since its start, rate and latency of the last seconds.
 
-    `map_epoch`: how often the map was thrown away; `keyframes` and `map_version` are those of the new one.
-    `load_level`: how much of the work gives way to the latency, 0: nothing.
+    `map_epoch`: number of resets so far; `keyframes` and `map_version` are those of the current map.
+    `load_level`: how much work the service leaves out to keep the latency low, 0: none.
     """
 
     run_id: Name
@@ -109,10 +109,10 @@ class Status(Message, frozen=True, kw_only=True):
 
 
 class TrajectoryRows(Message, frozen=True, kw_only=True):
-    """Poses so far as refined, lost frames left out: `stamps_ns` [N] int64 of the source, `poses`
+    """Refined poses so far, without lost frames: `stamps_ns` [N] int64 of the source, `poses`
     [N, 7] float64 x y z (m) and unit quaternion x y z w, camera to world; both little endian.
 
-    After a reset: those of the new map, whose number is `map_epoch`."""
+    After a reset: the poses in the new map, whose number is `map_epoch`."""
 
     count: Index
     stamps_ns: memoryview
@@ -125,7 +125,7 @@ class TrajectoryRows(Message, frozen=True, kw_only=True):
 
 
 class SavedMap(Message, frozen=True, kw_only=True):
-    """The map was saved on the service's machine."""
+    """The service has saved the map on its machine."""
 
     name: MapName
     path: Text
@@ -134,12 +134,13 @@ class SavedMap(Message, frozen=True, kw_only=True):
 
 
 class PointAnswers(Message, frozen=True, kw_only=True):
-    """What the map says of each point asked, in their order: `distance_m` [N] float32 to the nearest
-    surface, negative behind it, nan where not known; `gradient` [N, 3] float32 of the distance, of unit
-    length, or 0 where it has none; `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface;
-    `certainty` [N] float32, 0 to 1, by how many keyframes saw the place and from how near; all little endian.
+    """Answers for each point, in the order of the request: `distance_m` [N] float32 to the nearest
+    surface, negative behind it, nan if unknown; `gradient` [N, 3] float32 of the distance, of unit
+    length, or 0 if there is none; `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface;
+    `certainty` [N] float32, 0 to 1, by the number and distance of the keyframes that saw the place; all
+    little endian.
 
-    `map_version`: of the map that was asked."""
+    `map_version`: version of the map that answered."""
 
     count: Index
     distance_m: memoryview
@@ -155,9 +156,9 @@ class PointAnswers(Message, frozen=True, kw_only=True):
 
 
 class Located(Message, frozen=True, kw_only=True):
-    """The camera is there: frame `index` was tracked at this pose, in the frame of the question.
+    """The camera is found: frame `index` was tracked at this pose, in the frame of the request.
 
-    `up_by`: what tells which way is up in that frame."""
+    `up_by`: source of the direction up in that frame."""
 
     index: FrameIndex
     x: Real
@@ -168,13 +169,13 @@ class Located(Message, frozen=True, kw_only=True):
 
 
 class Done(Message, frozen=True, kw_only=True):
-    """It was done, or was so already; `text` says which."""
+    """The request is done, or had no effect because it was done before; `text` names which."""
 
     text: Text
 
 
 class Refusal(Message, frozen=True, kw_only=True):
-    """Why a request was not done. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
+    """Why the service refuses a request. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
     `failed`: the service cannot do it; `unfinished`: a part is done, ask again for the rest."""
 
     reason: Literal[

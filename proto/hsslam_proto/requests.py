@@ -1,4 +1,4 @@
-"""The table of requests: gateway, command line, docs and tests iterate over it."""
+"""Table of requests; the gateway, `hsslam-ctl`, the docs and tests iterate over it."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -16,7 +16,7 @@ A = TypeVar("A", bound=Message)
 class Request(Generic[Q, A]):
     """One row: a zenoh query on `hsslam/<robot>/rpc/<name>`, answered once.
 
-    `takes_s`: what a client should wait at least.
+    `takes_s`: shortest timeout that a client should use, s.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Request(Generic[Q, A]):
 
 
 def rpc_prefix(robot: str) -> str:
-    """What the keys of all requests of a robot begin with."""
+    """Prefix of the keys of all requests of a robot."""
     return f"hsslam/{robot}/rpc/"
 
 
@@ -53,19 +53,19 @@ def _row(
     )
 
 
-STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "how the run goes")
+STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "state of the run")
 MESH = _row("mesh", r.Ask, mesh_messages.Mesh, 256 * _MIB, "the newest mesh", 15.0)
-TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 60.0)
+TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all refined poses", 60.0)
 QUERY = _row(
     *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),
-    *("distance, gradient, certainty of places in the map", 15.0, 2 * _MIB),
+    *("distance, gradient, certainty at points in the map", 15.0, 2 * _MIB),
 )
-LOCATE = _row("locate", r.Locate, r.Located, 8 * _KIB, "look for the camera near a pose", 15.0)
-SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name", 60.0)
-PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
-RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
+LOCATE = _row("locate", r.Locate, r.Located, 8 * _KIB, "relocalise near a pose", 15.0)
+SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "save the map under a name", 60.0)
+PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "pause the camera")
+RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "resume the camera")
 SET_MODE = _row("set-mode", r.SetMode, r.Done, 8 * _KIB, "mapping, or localise-only: the map stays")
-RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "throw the map away and start a new one", 60.0)
+RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "discard the map and start a new one", 60.0)
 STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
 
 REQUESTS: tuple[Request, ...] = (

@@ -1,4 +1,4 @@
-"""Messages on the run itself: the end of its source, steps of lockstep, health, events, stop."""
+"""Messages about the run itself: end of the source, steps of lockstep, health, events, stop."""
 
 # ruff: noqa: RUF012 - msgspec copies a default that is an empty list or map
 
@@ -21,9 +21,9 @@ from hsslam_proto.message import (
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
-    """The source has no more frames; `last_index`: of the last one sent (-1: none, or not told).
+    """The source has no more frames; `last_index`: index of the last frame sent (-1: none, or unknown).
 
-    `frame_count`: frames that were sent, and those that a slow recording left out (`skipped_frame_count`).
+    `frame_count`: number of frames sent, plus the `skipped_frame_count` late frames that the camera skipped.
     """
 
     frame_count: Index
@@ -34,8 +34,8 @@ class SourceEnd(Message, frozen=True, kw_only=True):
 
 
 class Step(Message, frozen=True, kw_only=True):
-    """Lockstep: frame `index` of a camera has been mapped, all work of the map on it is done, or the recorder
-    has it in the log (or has refused it)."""
+    """Lockstep: the mapper has mapped frame `index`, all work of the map on it is done, or the recorder has
+    logged (or refused) it."""
 
     stage: Literal["mapped", "done", "logged"]
     index: FrameIndex
@@ -43,8 +43,8 @@ class Step(Message, frozen=True, kw_only=True):
 
 
 class TopicCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Messages of one topic that came to a process (`received`), and those that it did not take: missed
-    (`dropped`), unreadable or refused (`rejected`)."""
+    """Messages of one topic that a process received, missed (`dropped`), and could not read or refused
+    (`rejected`)."""
 
     dropped: Index = 0
     rejected: Index = 0
@@ -54,8 +54,8 @@ class TopicCounts(msgspec.Struct, frozen=True, kw_only=True):
 class Health(Message, frozen=True, kw_only=True):
     """Heartbeat of one process: counters since its start and mean stage times.
 
-    `pss_mb`: memory, shared pages divided among their users. `idle_ms`: since the main loop last came
-    round. `topics`: what the process missed of the topics that it subscribes to, by topic.
+    `pss_mb`: memory, shared pages divided among their users. `idle_ms`: time since the last turn of the main
+    loop. `topics`: counts of the messages of each topic that the process subscribes to.
     """
 
     process: Name
@@ -70,7 +70,7 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class Event(Message, frozen=True, kw_only=True):
-    """Something that the operator should know, in one line."""
+    """A line for the operator."""
 
     process: Name
     level: Level
@@ -79,13 +79,14 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Hold(Message, frozen=True, kw_only=True):
-    """The camera sends no frames while `paused`. An outside camera hears it during a reset alone: it should
-    wait, too."""
+    """The camera sends no frames while `paused`. An outside camera gets this message only during a reset: it
+    should wait, too."""
 
     paused: bool
 
 
 class Stop(Message, frozen=True, kw_only=True):
-    """The run ends, and why; a note for the log. Processes end by SIGUSR1, stage by stage."""
+    """The run ends for this reason; a note for the log. The supervisor ends processes by SIGUSR1, stage by
+    stage."""
 
     reason: Text

@@ -1,4 +1,4 @@
-"""The table of topics: bus, recorder, viewer, docs and contract tests iterate over it."""
+"""Table of topics; the bus, recorder, viewer, docs and contract tests iterate over it."""
 
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
@@ -15,11 +15,11 @@ M = TypeVar("M", bound=Message)
 
 @dataclass(frozen=True)
 class Topic(Generic[M]):
-    """One row: what travels under `hsslam/<robot>/<name>`.
+    """One row: the messages under `hsslam/<robot>/<name>`.
 
-    qos "latest": never blocks the publisher, the newest wins. qos "keep": nothing is lost while the
-    link lives. The publisher caches the last `history` messages for subscribers that come later; one that
-    `keeps_state` answers a `get` on the key with all that its messages so far amount to.
+    qos "latest": never blocks the publisher, the newest message wins. qos "keep": no message is lost while
+    the link lives. The publisher caches the last `history` messages for later subscribers. If `keeps_state`,
+    it answers a `get` on the key with messages that hold the whole current state.
     """
 
     name: str

@@ -1,1 +1,1 @@
-"""Free space and distances on the wire: messages, arrays, the blocks of a window put together."""
+"""Free space and distances on the wire: messages, arrays, assembly of a window from blocks."""

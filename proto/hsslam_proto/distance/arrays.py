@@ -1,4 +1,4 @@
-"""Messages of grids and distances as arrays; apart from how they are made, which takes compiled kernels."""
+"""Reads messages of grids and distances as arrays; separate from `compose`, which needs compiled kernels."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from hsslam_proto.distance.messages import Esdf, EsdfBlocks, Grid, Raster
 
 
 def cells_of(message: Grid) -> np.ndarray:
-    """[height, width] int8; a copy."""
+    """Cells [height, width] int8; a copy."""
     return np.frombuffer(message.cells, np.int8).reshape(message.height, message.width).copy()
 
 
@@ -21,14 +21,14 @@ def slice_m(message: Esdf) -> np.ndarray:
 
 
 def blocks_m(message: EsdfBlocks) -> dict[Block, np.ndarray]:
-    """Distances [16, 16, 16] (z, y, x) float32 m of each block; nan: not known."""
+    """Distances [16, 16, 16] (z, y, x) float32 m of each block; nan: unknown."""
     places = np.frombuffer(message.blocks, "<i4").reshape(-1, 3).tolist()
     mm = np.frombuffer(message.distance_mm, "<i2").reshape(-1, SIDE, SIDE, SIDE)
     return {(x, y, z): _metres(values) for (x, y, z), values in zip(places, mm, strict=True)}
 
 
 def T_world_raster(message: Raster | EsdfBlocks) -> np.ndarray:
-    """From the frame that begins at cell or voxel (0, 0) to the world, [4, 4]."""
+    """From the frame whose origin is the corner of cell or voxel 0 to the world, [4, 4]."""
     return transform(np.array(message.t), np.array(message.q))
 
 

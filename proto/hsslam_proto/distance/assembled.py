@@ -1,4 +1,4 @@
-"""The distances of a window put together from messages of its blocks: for subscribers."""
+"""Assembles the distances of a window from messages of its blocks: for subscribers."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from hsslam_proto.distance.messages import EsdfBlocks
 
 
 class AssembledDistances:
-    """All blocks as of the messages so far, in whatever order they come; memory is that of a window."""
+    """All blocks of the newest window after the messages so far, which may come in any order."""
 
     def __init__(self) -> None:
         self._revisions = BlockRevisions()
@@ -33,9 +33,9 @@ class AssembledDistances:
         self._forget_outside(self._newest)
 
     def whole(self) -> tuple[VoxelGrid, np.ndarray, np.ndarray] | None:
-        """The newest window: voxels, distances [nx, ny, nz] float32 m (nan: not known), T_grid_world [4, 4].
+        """The newest window: voxels, distances [nx, ny, nz] float32 m (nan: unknown), T_grid_world [4, 4].
 
-        None: no message has come.
+        None: no message yet.
         """
         message = self._newest
         if message is None:

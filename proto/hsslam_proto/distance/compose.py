@@ -15,7 +15,7 @@ from hsslam_proto.pose_codec import wire_pose
 
 
 class Band(NamedTuple):
-    """What a grid looks at: heights above the floor, and how up was found."""
+    """Range of heights above the floor that a grid covers, and the source of the direction up."""
 
     low_m: float
     high_m: float
@@ -23,7 +23,7 @@ class Band(NamedTuple):
 
 
 class Lattice(NamedTuple):
-    """Where the blocks of distances lie."""
+    """Voxels and pose of the blocks of distances."""
 
     grid: VoxelGrid
     T_grid_world: np.ndarray  # [4, 4]
@@ -32,19 +32,19 @@ class Lattice(NamedTuple):
 
 
 def grid_message(grid: GridMap, band: Band, pose: Pose) -> Grid:
-    """The cells after the frame of a pose."""
+    """The cells as of the frame of this pose."""
     return Grid(**_raster(grid, band, pose), cells=_bytes(grid.cells, np.int8))
 
 
 def esdf_message(grid: GridMap, band: Band, pose: Pose) -> Esdf:
-    """Distances between the cells after the frame of a pose; takes some 2 ms."""
+    """Distances in the plane of the cells as of the frame of this pose; takes some 2 ms."""
     mm = 1000 * grid.distances_m()
     known = np.where(np.isnan(mm), NOT_KNOWN_MM, np.rint(mm))
     return Esdf(**_raster(grid, band, pose), distance_mm=_bytes(known, "<i2"))
 
 
 def blocks_message(blocks: Blocks, lattice: Lattice, pose: Pose) -> EsdfBlocks:
-    """Blocks of distances after the frame of a pose."""
+    """Blocks of distances as of the frame of this pose."""
     t, q = wire_pose(inverse(lattice.T_grid_world))
     return EsdfBlocks(
         index=pose.index,

@@ -1,4 +1,4 @@
-"""Messages of what is free about the camera, and how far surfaces are."""
+"""Messages of free space and distances around the camera."""
 
 from typing import Annotated
 
@@ -41,17 +41,18 @@ class Raster(Message, frozen=True, kw_only=True):
         _expect_place(self, self.resolution_m, "resolution_m")
         if not self.low_m < self.high_m:
             raise ValueError(
-                f"low_m = {self.low_m}, high_m = {self.high_m}: expected two that rise"
+                f"low_m = {self.low_m}, high_m = {self.high_m}: expected low_m < high_m"
             )
 
 
 class Grid(Raster, frozen=True, kw_only=True):
-    """Free and occupied cells of the floor about the camera, after frame `index`.
+    """Free and occupied cells of the floor around the camera, as of frame `index`.
 
     `cells` is [height, width] int8: -1 unknown, 0 free, 100 occupied from `low_m` to `high_m` above the
-    floor. The corner of cell (0, 0) lies at `t` in the world, on the floor; rows go along y, columns along x
-    of the frame that `q` turns into the world, whose z is up. `up_by` says how up was found: "gravity"
-    (of an IMU), "floor plane", "camera poses" (no floor was seen yet), "--base-T-camera".
+    floor. The corner of cell (0, 0) lies at `t` in the world, on the floor. Rows go along y, columns along x
+    of the grid's frame, whose z is up; `q` rotates that frame into the world. `up_by` is the source of the
+    direction up: "gravity" (of an IMU), "floor plane", "camera poses" (no floor seen yet),
+    "--base-T-camera".
     """
 
     cells: memoryview
@@ -62,10 +63,10 @@ class Grid(Raster, frozen=True, kw_only=True):
 
 
 class Esdf(Raster, frozen=True, kw_only=True):
-    """Distances in the plane of the floor: of each cell of a `Grid` to the nearest occupied one.
+    """Distance in the plane of the floor from each cell of a `Grid` to the nearest occupied cell.
 
     `distance_mm` is [height, width] int16 mm from the middle of the cell: 0 if it is occupied, at most
-    2000, -32768 if it is unknown. All else is as in `Grid`.
+    2000, -32768 if it is unknown. All other fields are as in `Grid`.
     """
 
     distance_mm: memoryview
@@ -76,16 +77,16 @@ class Esdf(Raster, frozen=True, kw_only=True):
 
 
 class EsdfBlocks(Message, frozen=True, kw_only=True):
-    """Distances to the nearest surface in a box about the camera, in cubes of 16 x 16 x 16 voxels.
+    """Distances to the nearest surface in a box around the camera, in cubes of 16 x 16 x 16 voxels.
 
-    `blocks` [B, 3] int32 (x, y, z): block b begins at voxel 16 * b of a lattice whose voxel (0, 0, 0) has its
-    corner with the least coordinates at `t` in the world; `q` turns its axes into the world, z is up.
+    `blocks` [B, 3] int32 (x, y, z): block b begins at voxel 16 * b of a lattice. The lowest corner of its
+    voxel (0, 0, 0) lies at `t` in the world; `q` rotates its axes into the world, z is up.
     `distance_mm` [B, 16, 16, 16] int16 mm, x fastest, then y: signed, negative behind a surface, at most
-    2000, at the voxels' middles; -32768 is not known. A block replaces what was sent of it before; it is sent
-    once a distance has changed by more than 5 mm. `first` and `voxels` are the voxels of the box: blocks that
-    lie wholly outside are gone. `series` grows when the lattice is another one: blocks of earlier series are
-    gone. A `get` on the key is answered with all blocks there are, measured
-    within the last second or at the next update; with nothing if no update comes for a second.
+    2000, at the voxels' middles; -32768: unknown. A block replaces its earlier version; it is sent again if a
+    distance has changed by more than 5 mm. `first` and `voxels` are the first voxel and the size of the box:
+    blocks that lie wholly outside are gone. `series` grows when the lattice changes: blocks of earlier series
+    are gone. The answer to a `get` on the key is all current blocks, measured within the last second or at
+    the next update; there is no answer if no update comes for a second.
     """
 
     index: Index

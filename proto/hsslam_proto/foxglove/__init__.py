@@ -1,1 +1,1 @@
-"""What Foxglove draws: messages of the bus in its own schemas."""
+"""Converts messages of the bus to the schemas of Foxglove."""

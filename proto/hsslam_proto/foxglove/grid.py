@@ -1,4 +1,4 @@
-"""The grid of free cells as Foxglove draws it; alone, as meshes are: it makes the pixels itself."""
+"""The grid of free cells as a Foxglove Grid."""
 
 import numpy as np
 from foxglove_schemas_protobuf.Grid_pb2 import Grid as FoxgloveGrid
@@ -12,7 +12,7 @@ _CHANNELS = ("red", "green", "blue", "alpha")
 
 
 def drawn_grid(message: Grid, frame: str) -> FoxgloveGrid:
-    """A `foxglove.Grid` with a colour a cell, on the floor, in the frame of the world."""
+    """A `foxglove.Grid` with one colour per cell, on the floor, in the frame `frame`."""
     cells = cells_of(message)
     colors = np.zeros((*cells.shape, 4), np.uint8)
     colors[cells == 0] = _FREE

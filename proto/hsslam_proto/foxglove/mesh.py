@@ -22,7 +22,7 @@ _LENGTH_DELIMITED, _FIXED_64 = 2, 1
 
 
 def scene_update(mesh: Mesh, frame_id: str, stamp_ns: int) -> bytes:
-    """Serialized SceneUpdate that replaces all entities by these triangles."""
+    """Serialized SceneUpdate that replaces all entities with these triangles."""
     deletion = SceneEntityDeletion(type=SceneEntityDeletion.ALL)
     deletion.timestamp.FromNanoseconds(stamp_ns)
     entity = _entity("mesh", mesh_arrays(mesh), frame_id, stamp_ns)
@@ -30,7 +30,7 @@ def scene_update(mesh: Mesh, frame_id: str, stamp_ns: int) -> bytes:
 
 
 def blocks_update(blocks: Mapping[Block, Triangles | None], frame_id: str, stamp_ns: int) -> bytes:
-    """Serialized SceneUpdate of these blocks: an entity each, `mesh/i_j_k`; None: it goes."""
+    """Serialized SceneUpdate of these blocks, one entity `mesh/i_j_k` each; None: the entity is deleted."""
     gone = []
     for block in (block for block, triangles in blocks.items() if triangles is None):
         deletion = SceneEntityDeletion(type=SceneEntityDeletion.MATCHING_ID, id=_name(block))

@@ -1,4 +1,4 @@
-"""Our messages as Foxglove protobuf messages, which viewers open with nothing installed.
+"""Converts our messages to Foxglove protobuf messages, which viewers open without an extension.
 
 Frames: `world` and `camera`, OpenCV axes (x right, y down, z forward), m.
 """
@@ -38,7 +38,7 @@ class VizMessage:
 
 
 def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
-    """What to draw of a message; a frame must have its colour as JPEG. Lost poses are not drawn."""
+    """The /viz messages of a message; only frames with JPEG colour are drawn. Lost poses are not drawn."""
     match message:
         case messages.Frame(color_encoding="jpeg"):
             return [
@@ -61,12 +61,12 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
 
 
 def viz_blocks(blocks: Mapping[Block, Triangles | None], stamp_ns: int) -> VizMessage:
-    """What to draw of blocks of the live mesh; None: it has no surface any more."""
+    """The /viz message of blocks of the live mesh; None: the block has no surface any more."""
     return VizMessage("/viz/mesh", SceneUpdate, blocks_update(blocks, WORLD, stamp_ns))
 
 
 def cleared_scene(stamp_ns: int) -> VizMessage:
-    """Takes away all that was drawn before: the map was thrown away."""
+    """Removes all meshes drawn before, after a reset of the map."""
     deletion = SceneEntityDeletion(type=SceneEntityDeletion.ALL)
     deletion.timestamp.FromNanoseconds(stamp_ns)
     return _viz("/viz/mesh", SceneUpdate(deletions=[deletion]))

@@ -1,1 +1,1 @@
-"""Meshes on the wire: messages, arrays, entities of Foxglove, the live mesh put together."""
+"""Meshes on the wire: messages, arrays, assembly of the live mesh from blocks."""

@@ -1,4 +1,4 @@
-"""The live mesh put together from messages of its blocks: for export, requests and viewers."""
+"""Assembles the live mesh from messages of its blocks: for export, requests and viewers."""
 
 import threading
 from itertools import islice
@@ -10,13 +10,13 @@ from hsslam_proto.block_revisions import Block, BlockRevisions
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, block_triangles
 from hsslam_proto.mesh.messages import MeshBlocks
 
-_SNAP_CELLS = 1e-2  # vertices this close to a lattice vertex are that vertex
+_SNAP_CELLS = 1e-2  # a vertex this close to a lattice vertex snaps to it
 
 
 class BlockNews(NamedTuple):
-    """Blocks to draw, None: no surface any more. `anew`: what was drawn of blocks before is gone.
+    """Blocks to draw; None: the block has no surface any more. `anew`: first remove all blocks drawn before.
 
-    `map_epoch`: of all of them; -1: there were none yet.
+    `map_epoch`: map epoch of all blocks; -1: no block yet.
     """
 
     anew: bool
@@ -25,9 +25,9 @@ class BlockNews(NamedTuple):
 
 
 class PendingBlocks:
-    """Blocks that changed and are not drawn yet, each once, for one thread that adds and one that takes.
+    """Changed blocks that are not drawn yet, the newest version of each; one thread adds, another takes.
 
-    Memory is that of the surface, however long nothing is taken.
+    Memory is bounded by the surface, also if no thread takes.
     """
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class PendingBlocks:
             self._blocks.update(news)
 
     def take(self, most: int | None = None) -> BlockNews:
-        """The blocks that wait, the oldest first, at most `most` of them (None: all)."""
+        """Remove and return at most `most` (None: all) of the waiting blocks, the oldest first."""
         with self._lock:
             taken = dict(islice(self._blocks.items(), most))
             for block in taken:
@@ -57,14 +57,14 @@ class PendingBlocks:
             return BlockNews(was_anew, taken, self._revisions.map_epoch)
 
     def forget_before(self, map_epoch: int) -> None:
-        """Draw no blocks of earlier map epochs: their map was thrown away."""
+        """Drop blocks of earlier map epochs."""
         with self._lock:
             if self._revisions.begin(map_epoch):
                 self._blocks, self._anew = {}, False
 
 
 class AssembledMesh:
-    """All blocks of the live mesh as of the messages so far."""
+    """All blocks of the live mesh after the messages so far."""
 
     def __init__(self) -> None:
         self.map_version = 0
@@ -90,7 +90,7 @@ class AssembledMesh:
             self._lattice = BlockLattice(message.voxel_m, message.block_m)
 
     def whole(self) -> Triangles | None:
-        """One mesh; vertices on the same edge of the lattice become one. None: there is no block."""
+        """All blocks as one mesh; vertices on the same edge of the lattice are merged. None: no block."""
         if not self._blocks:
             return None
         parts = [self._blocks[block] for block in sorted(self._blocks)]
@@ -107,13 +107,13 @@ class AssembledMesh:
 
 
 def _news(revisions: BlockRevisions, message: MeshBlocks) -> dict[Block, Triangles | None]:
-    """The blocks of a message that are newer than those before; None: no surface any more."""
+    """The new blocks of a message; None: the block has no surface any more."""
     blocks = block_triangles(message)
     return revisions.news(message.map_epoch, message.series, message.revision, blocks)
 
 
 def _edges(vertices: np.ndarray, voxel_m: float) -> np.ndarray:
-    """Place of each vertex on the doubled lattice, odd along its edge, [V, 3] int64."""
+    """Position of each vertex on the lattice in half cells, odd along its edge, [V, 3] int64."""
     cells = vertices.astype(np.float64) / voxel_m
     nearest = np.rint(cells)
     on_lattice = np.abs(cells - nearest) < _SNAP_CELLS

@@ -63,7 +63,7 @@ def blocks_message(
     map_version: int,
     map_epoch: int = 0,
 ) -> MeshBlocks:
-    """Blocks with their triangles (None: no surface any more) as a message."""
+    """Blocks with their triangles (None: the block has no surface any more) as a message."""
     meshes = [_NOTHING if mesh is None else mesh for _, mesh in changed]
     return MeshBlocks(
         series=series,
@@ -82,7 +82,7 @@ def blocks_message(
 
 
 def block_triangles(message: MeshBlocks) -> dict[Block, Triangles | None]:
-    """The blocks of a message; None: no surface any more. Copies."""
+    """Copies of the blocks of a message; None: the block has no surface any more."""
     vertices, faces = _rows(message.vertices, "<f4"), _rows(message.faces, "<u4")
     colors = _rows(message.colors, "u1")
     found: dict[Block, Triangles | None] = {}
@@ -113,5 +113,5 @@ def _bytes(array: np.ndarray, dtype: str) -> memoryview:
 
 
 def _rows(data: memoryview, dtype: str) -> np.ndarray:
-    # the bytes lie anywhere in the payload: native code wants them aligned
+    # bytes in a payload are not aligned: native code wants them aligned
     return np.frombuffer(data, dtype).reshape(-1, 3).copy()

@@ -1,4 +1,4 @@
-"""The messages of meshes: a whole one, and blocks of space whose surface has changed."""
+"""Messages of meshes: a whole mesh, and blocks of the live mesh that have changed."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class Mesh(Message, frozen=True, kw_only=True):
         for name, nbytes in counts.items():
             expect_bytes(self, name, nbytes)
         if self.face_count and np.frombuffer(self.faces, "<u4").max() >= self.vertex_count:
-            raise ValueError(f"faces name more than the {self.vertex_count} vertices")
+            raise ValueError(f"faces: expected vertex numbers below {self.vertex_count}")
         if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
             raise ValueError("vertices: expected finite numbers")
 
@@ -32,12 +32,11 @@ class MeshBlocks(Message, frozen=True, kw_only=True):
     """Blocks of the live mesh: cubes of `block_m` at integer places, each with its own vertices and faces.
 
     `blocks` [B, 3] int32: block b covers b * block_m to (b + 1) * block_m, m world. `vertex_counts` and
-    `face_counts` [B] uint32: of each block, 0: it has no surface any more. `vertices` [V, 3] float32 m world,
-    `faces` [F, 3] uint32, numbers of vertices of their block, `colors` [V, 3] uint8 RGB: of all blocks, one
-    after the other. A block replaces what was sent of it in an earlier `revision`. `series` grows when a
-    mesher starts: blocks of an earlier series are gone. `voxel_m`: side of the lattice's cells, m; vertices
-    lie on their edges. A `get` on the key is answered with all blocks there are, in as many messages as it
-    takes.
+    `face_counts` [B] uint32: counts of each block; 0: the block has no surface any more. `vertices` [V, 3]
+    float32 m world, `faces` [F, 3] uint32, vertex numbers within their block, and `colors` [V, 3] uint8 RGB
+    list all blocks one after the other. A block replaces its earlier `revision`. `series` grows when a mesher
+    starts: blocks of an earlier series are gone. `voxel_m`: side of the lattice's cells, m; vertices lie on
+    their edges. The answer to a `get` on the key is all current blocks, in one or more messages.
     """
 
     series: Index
@@ -67,6 +66,6 @@ class MeshBlocks(Message, frozen=True, kw_only=True):
         expect_bytes(self, "faces", 12 * int(face_counts.sum()))
         faces = np.frombuffer(self.faces, "<u4").reshape(-1, 3)
         if (faces >= np.repeat(vertex_counts, face_counts)[:, None]).any():
-            raise ValueError("faces name more than the vertices of their block")
+            raise ValueError("faces: expected vertex numbers below the count of their block")
         if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
             raise ValueError("vertices: expected finite numbers")

@@ -1,1 +1,1 @@
-"""What messages look like, for other languages and for readers."""
+"""Schemas of messages for other languages, and docs/wire.md."""

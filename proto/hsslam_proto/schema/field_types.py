@@ -1,4 +1,4 @@
-"""Types of message fields in words that hold in any language."""
+"""Types of message fields in words that are independent of the language."""
 
 from typing import Any
 
@@ -6,10 +6,10 @@ from msgspec import inspect
 
 
 def field_type(annotation: Any) -> str:
-    """Such as `int, 0 to 8192` or `map of str to float, at most 256`.
+    """The type in words, as `int, 0 to 8192` or `map of str to float, at most 256`.
 
     Raises:
-        TypeError: a kind that no message had before; it wants its words here.
+        TypeError: a type that `_text` does not know yet.
     """
     return _text(inspect.type_info(annotation))
 

@@ -1,4 +1,4 @@
-"""JSON Schemas of the messages, for the log; generated from their types, so a file of its own."""
+"""JSON Schemas of the messages, for the log; generated from the message types."""
 
 import json
 from functools import cache

@@ -1,7 +1,4 @@
-"""docs/wire.md, for clients in any language: from the tables of topics and requests and their messages.
-
-`make docs-update` writes it (cog).
-"""
+"""Generates docs/wire.md from the tables of topics and requests; `make docs-update` (cog) calls it."""
 
 import msgspec
 
@@ -20,44 +17,44 @@ A run is a [zenoh](https://zenoh.io) router with all its processes as clients. T
 socket that only this user can reach (`endpoint` in `run.json`). Other programs need a TCP port:
 `--zenoh-port 7447` opens `tcp/127.0.0.1:7447`; `--bind`, `--security`, `--ros2-out`, `--source zenoh:` and
 `--source ros2:` open it as well. These programs are clients: session mode `client`, the router as the
-endpoint to connect to, scouting off. Through the port a client may publish `in/**`, hear everything and ask
-everything; with [certificates](security.md) it may do what its role allows. With `--ros2-out` and `ros2:` it
-may also be a node of ROS ([what it may do](security.md#ros-nodes-at-the-port)). A client that reads too
-slowly misses messages; topics with history give them again on request. All keys begin with
+endpoint to connect to, scouting off. Through the port a client may publish `in/**`, subscribe to all topics
+and send all requests; with [certificates](security.md) its role limits it. With `--ros2-out` and `ros2:` it
+may also be a ROS node ([what it may do](security.md#ros-nodes-at-the-port)). A client that reads too
+slowly misses messages; topics with history send them again on request. All keys begin with
 `hsslam/<robot>/` (`--robot`, default `robot`).
 
 - **Payload**: one [MessagePack](https://msgpack.org) map, field names as keys. Readers ignore fields that
   they do not know and take the default of one that is missing; a field without a default must be there.
-- **Encoding** of the zenoh message: `{MEDIA_TYPE};hsslam.<Message>.v<major>`. Another message, another major
-  version or no such encoding: the receiver does not read it, counts it and publishes an event.
+- **Encoding** of the zenoh message: `{MEDIA_TYPE};hsslam.<Message>.v<major>`. If the message type, the major
+  version or the encoding is another, the receiver rejects the message, counts it and publishes an event.
 - **Attachment** of messages on topics (may be missing): 24 bytes, little endian: uint32 publisher, uint32
   number in its sequence, int64 stamp of the sensor, int64 time of publication (ns since 1970). A message
   with any other attachment is not read.
-- **Kept**: the number of messages that the publisher caches for subscribers of zenoh's `ext` that come
-  later. `all`: a `get` on the key, without consolidation, is answered with messages that amount to everything
-  sent so far.
+- **Kept**: the number of messages that the publisher caches for later subscribers of zenoh's `ext`. `all`:
+  the answers to a `get` on the key, without consolidation, hold the whole current state.
 - **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
   right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
-- **Limits**: a payload above the limit of its topic or request is not read. Nothing is ever unpickled.
-- **Shared memory**: on the same machine large messages may come through that of zenoh, which locks it. What
-  is beyond the receiver's limit (`ulimit -l`) never arrives, and zenoh reports no error: with a limit below
-  512 MiB set `transport/shared_memory/enabled` to `false`, as the processes here do for what is not their own
-  camera.
+- **Limits**: the receiver does not read a payload above the limit of its topic or request. It unpickles
+  nothing.
+- **Shared memory**: on the same machine large messages may come through zenoh's shared memory, which zenoh
+  locks. A message beyond the receiver's limit (`ulimit -l`) never arrives, and zenoh reports no error: if the
+  limit is below 512 MiB, set `transport/shared_memory/enabled` to `false`. The processes of the run then use
+  shared memory only for frames of their own camera.
 
 A client that uses `eclipse-zenoh` and `msgpack` alone: [`{_EXAMPLE}`](../{_EXAMPLE}).
 """
 _REQUESTS = """## Requests
 
-A request is a zenoh query (`get`) on `hsslam/<robot>/rpc/<name>` whose payload is the message asked. No
-payload stands for a message without required fields; a field that the service does not know is refused
-here, so that the service never does something else than you asked. There is one answer:
+A request is a zenoh query (`get`) on `hsslam/<robot>/rpc/<name>`; its payload is the message under "asked".
+The payload may be missing if the message has no required fields. The service refuses a request with an
+unknown field, so it never does only a part of it. There is one answer:
 
-- a reply: done, the payload is the message answered;
-- an error reply with encoding `{refusal}`: refused, the payload says why;
+- a reply: done, the payload is the message under "answered";
+- an error reply with encoding `{refusal}`: refused, the payload holds the reason;
 - an error reply of any other encoding: zenoh's own, no answer within the query's timeout;
-- no reply: the router knows no service of this robot. Through the port there is none either to an unknown
-  request, to a key with a wildcard, or to a request that the client's role may not ask: the router does not
-  pass it on.
+- no reply: the router knows no service of this robot. The router does not pass on from the port an unknown
+  request, a key with a wildcard, or a request that the client's role does not allow: these get no reply
+  either.
 
 | `rpc/` | asked | answered | limit | wait at least | |
 | --- | --- | --- | --- | --- | --- |
