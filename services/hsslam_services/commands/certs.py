@@ -38,8 +38,8 @@ class CertsOptions:
     operator. Each folder is complete: copy it to the machine that needs it and to no other. Only the owner
     of the files can read the keys.
 
-    --ca renews: the CA that is there issues the new certificates. Old and new ones accept each other, so each
-    machine may change when it suits. DIR gets no folder of a CA then.
+    --ca renews: the CA in that folder issues the new certificates. Old and new ones accept each other, so
+    machines may change one by one. DIR then gets no folder ca.
 
     Exit codes: 0 if the certificates are made, 2 if the input is bad.
 
@@ -57,7 +57,7 @@ class CertsOptions:
     days: int = 90
     """Validity of the certificates, days; a new CA is valid ten times as long."""
     ca: Path | None = None
-    """The folder ca of earlier certificates, whose CA issues the new ones (none: a new CA)."""
+    """Folder ca of earlier certificates; its CA issues the new ones (none: a new CA)."""
 
     def __post_init__(self) -> None:
         for host in self.host:
@@ -79,7 +79,7 @@ def make_certificates(
 ) -> list[str]:
     """Make all certificates in a new or empty folder; returns the hosts of the router's certificate.
 
-    `ca`: folder of the CA that issues them; else a new one does, in the folder `ca`.
+    `ca`: folder of the CA that issues them; None: a new CA, written to the subfolder `ca`.
 
     Raises:
         UserError: the folder is not empty, or cannot be written; the CA cannot issue them.

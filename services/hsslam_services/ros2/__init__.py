@@ -1,1 +1,1 @@
-"""ROS 2 without ROS: messages in CDR, and rmw_zenoh's keys, tokens and attachments for what goes out."""
+"""ROS 2 without ROS: messages in CDR, and keys, tokens and attachments of rmw_zenoh."""

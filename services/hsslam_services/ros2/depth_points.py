@@ -1,4 +1,4 @@
-"""What a depth image shows, as a bounded number of points; a file of its own, without ROS."""
+"""A depth image as a bounded number of points."""
 
 import math
 
@@ -10,8 +10,8 @@ from hsslam_node.frame import Frame
 def depth_points(frame: Frame, most: int, max_depth_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Points [n, 3] float32 m in the camera frame with their colours [n, 3] uint8, n <= `most`.
 
-    Of every k-th column and row, k as small as possible; pixels without depth, or with more than
-    `max_depth_m`, have none.
+    Samples every k-th column and row, k as small as possible; skips pixels without depth or deeper than
+    `max_depth_m`.
     """
     camera = frame.camera
     step = math.ceil(math.sqrt(camera.width_px * camera.height_px / most))

@@ -1,4 +1,4 @@
-"""Free cells and distances of the floor for ROS 2, from the run's own topics."""
+"""Publishes free cells and distances of the floor to ROS 2, from the run's own topics."""
 
 import numpy as np
 
@@ -15,10 +15,10 @@ _UNKNOWN_M = 1000.0  # as nvblox has it
 
 
 class FloorOut:
-    """Publishes each grid that comes, and distances while a node of ROS subscribes to them.
+    """Publishes each grid, and distances while a ROS node subscribes to them.
 
-    `frame`: name of the frame `map`, whose axes the grid has. `has_ros_stamps`: stamps of the source are
-    those of ROS.
+    `frame`: name of the frame `map`; the grid lies along its axes. `has_ros_stamps`: the source has stamps
+    of ROS.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class FloorOut:
         )
 
     def tell_news(self, T_map_world: np.ndarray) -> None:
-        """Publish what has come since the last time; T_map_world [4, 4]: world to the frame."""
+        """Publish the newest grid and distances since the last call; T_map_world [4, 4]: world to `frame`."""
         make = self._messages
         if (grid := self._grids.poll()) is not None:
             cells, T = cells_of(grid), T_map_world @ T_world_raster(grid)
@@ -49,7 +49,7 @@ class FloorOut:
             self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
         if not self._distances.has_subscribers():
             return
-        if self._slices is None:  # they cost something: only from the first subscriber on
+        if self._slices is None:  # computing them costs time: only from the first subscriber on
             self._slices = self._bus.subscribe(topics.ESDF, 1)
         if (found := self._slices.poll()) is not None:
             corner = (T_map_world @ T_world_raster(found))[:3, 3]
@@ -66,5 +66,5 @@ class FloorOut:
             )
 
     def _stamp_ns(self, message: Raster) -> int:
-        """The time of the image, on the clock of ROS."""
+        """Time of capture on the clock of ROS."""
         return message.source_stamp_ns if self._has_ros_stamps else message.stamp_ns

@@ -1,4 +1,4 @@
-"""An IMU of ROS, `sensor_msgs/Imu`, integrated for the frames of a camera."""
+"""Integrates messages of a ROS IMU, `sensor_msgs/Imu`, for the frames of a camera."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,15 +17,15 @@ IMU = "sensor_msgs/msg/Imu"
 
 
 class RosImu:
-    """Takes messages as they come, and adds to frames what is integrated up to their stamps.
+    """Takes IMU messages in order, and adds to each frame the reading at its stamp.
 
     The messages are in the axes of the IMU; `--camera-T-imu` is its pose in the camera's optical frame. If
-    that is not given, the IMU is where `mounted_at` says; until that knows it, in the camera's centre, with
-    the camera's axes.
+    the option is not set, `mounted_at` gives the pose; until then the IMU is in the camera's centre and has
+    its axes.
 
     Args:
-        mounted_at: T_camera_imu, [4, 4], of an IMU with this frame of ROS; None: not known.
-        clock_set_back: called with the seconds by which stamps went back, each time they do.
+        mounted_at: returns T_camera_imu, [4, 4], of an IMU with this frame_id; None: unknown.
+        clock_set_back: called with the jump in seconds each time that stamps go back.
     """
 
     def __init__(
@@ -42,12 +42,12 @@ class RosImu:
         self.has_any = False
 
     def take(self, message: Any, stamp_ns: int | None = None) -> None:
-        """Take a message, decoded by rosbags; one that is not later than the last is ignored.
+        """Take a message, decoded by rosbags; ignore one that is not later than the last.
 
-        stamp_ns: of the message; None: that of its header.
+        stamp_ns: stamp of the message; None: that of its header.
 
         Raises:
-            UserError: its numbers are not finite, or it says that it measures only one of the two.
+            UserError: a number is not finite, or the message lacks angular velocity or acceleration.
         """
         turn_rate, force = (
             np.array([v.x, v.y, v.z])
@@ -59,10 +59,10 @@ class RosImu:
             )
         covariances = message.angular_velocity_covariance, message.linear_acceleration_covariance
         for name, covariance in zip(("angular velocity", "acceleration"), covariances, strict=True):
-            if covariance[0] == -1:  # as REP 145 has it
+            if covariance[0] == -1:  # REP 145: not measured
                 raise UserError(
-                    f"imu: no {name}, its covariance is -1: expected both in one message, as with "
-                    "unite_imu_method of realsense2_camera"
+                    f"imu: no {name}, its covariance is -1: expected angular velocity and acceleration in "
+                    "one message, as with unite_imu_method of realsense2_camera"
                 )
         self._mount(str(message.header.frame_id))
         if stamp_ns is None:
@@ -71,7 +71,7 @@ class RosImu:
         self.has_any = True
 
     def _mount(self, frame_id: str) -> None:
-        """What was integrated before the mounting is known does not count."""
+        """Restart the integration as soon as the mounting of the IMU is known."""
         if self._is_mounted:
             return
         T_camera_imu = self._mounted_at(frame_id)
@@ -80,5 +80,5 @@ class RosImu:
             self._is_mounted = True
 
     def given(self, frame: Frame) -> Frame:
-        """The frame with the reading at its stamp; with none if no samples are near it."""
+        """The frame with the reading at its stamp; without one if no sample is near."""
         return replace(frame, imu=self._track.at(frame.stamp_ns))

@@ -1,4 +1,4 @@
-"""The pose that a person sets in RViz, `/initialpose`: the camera is looked for there, as by `locate`."""
+"""Relocalises the camera near the pose set in RViz, `/initialpose`, as the request `locate` does."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,18 +14,18 @@ from hsslam_services.ros2.node import RosNode
 
 TOPIC, KIND = "/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _UNIT = 1e-2  # largest difference of a quaternion's norm from 1
-_MOST_TILT_DEG = 10.0  # of a robot on a floor; its own pose has some
-_LEAST_LEVEL = np.cos(np.deg2rad(_MOST_TILT_DEG))  # of its axis z along that of the map
+_MOST_TILT_DEG = 10.0  # of a robot on a floor
+_LEAST_LEVEL = np.cos(np.deg2rad(_MOST_TILT_DEG))  # of the robot's z axis along the map's
 Tell = Callable[[Literal["info", "warning"], str], None]
 
 
 class InitialPose:
-    """Asks for the newest pose that came, in a thread of its own, as the answer takes frames.
+    """Sends `locate` for the newest pose, in a separate thread, as the answer takes several frames.
 
     Args:
-        frame: of the map in ROS, in which poses must be given.
+        frame: name of the map's frame in ROS; poses must be in it.
         ask: answers `locate`.
-        tell: gets what came of it; called by `hear`.
+        tell: reports the result; called by `hear`.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class InitialPose:
         self._asked: Future[Located | Refusal] | None = None
 
     def hear(self) -> None:
-        """Begin to look where the newest pose is, and tell what came of the one before; never waits."""
+        """Report the last result and start to look near the newest pose; never waits."""
         if self._asked is not None:
             if not self._asked.done():
                 return
@@ -58,7 +58,7 @@ class InitialPose:
         self._asked = self._thread.submit(self._ask, question)
 
     def _question(self, payload: bytes) -> Locate:
-        """Raises UserError if it is no pose in the frame of the map."""
+        """The request for a message; UserError if it has no level pose in the frame of the map."""
         message: Any = self._messages.decoded(payload, KIND)
         frame = str(message.header.frame_id).strip("/")
         if frame != self._frame:

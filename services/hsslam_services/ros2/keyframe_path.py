@@ -1,4 +1,4 @@
-"""The keyframes of a run as the path that ROS hears; apart from the process, which knows when it is due."""
+"""The keyframes of a run as a path for ROS."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from hsslam_services.ros2.stamp_clock import StampClock
 def keyframe_path(
     store: KeyframeStore, robot: RobotFrames, clock: StampClock, now_ns: int, most: int
 ) -> tuple[list[int], np.ndarray]:
-    """Stamps, and poses [n, 4, 4] of `base_link` in `map`, of keyframes that are thinned evenly to `most`.
+    """Stamps, and poses [n, 4, 4] of `base_link` in `map`, of at most `most` evenly chosen keyframes.
 
-    Stamps are on the clock of ROS. Those of a saved map were taken in another run, perhaps by another clock:
-    they are `now_ns`.
+    Stamps are on the clock of ROS. Keyframes of a saved map come from another run, perhaps with another
+    clock: their stamp is `now_ns`.
     """
     poses = store.poses()
     ids = np.arange(0, len(poses), -(-len(poses) // most))

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 from plain arrays, ready for CDR."""
+"""Makes ROS 2 messages from arrays, and encodes them in CDR."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal
@@ -10,7 +10,7 @@ from hsslam_node.geometry.se3 import quaternion_from_rotation
 from hsslam_services.ros2.type_store import open_type_store
 
 _SURE = 1e-8  # m^2, rad^2: filters cannot use a variance of 0
-_UNKNOWN = 1e6  # m^2, rad^2: filters take zeros, which ROS has for it, for a pose without error
+_UNKNOWN = 1e6  # m^2, rad^2: ROS has zeros for unknown, but filters take them for a perfect pose
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4")])
 _FLOAT32 = 7  # of sensor_msgs/PointField
 _LATEST_NS = 2**31 * 10**9 - 1  # ROS counts seconds in 32 bits
@@ -37,7 +37,7 @@ class RosMessages:
         self._store = open_type_store(who)
 
     def type_hash(self, kind: Kind) -> str:
-        """The hash of a type that ROS 2 has since Iron, `RIHS01_...`."""
+        """The hash of a type, `RIHS01_...`; ROS 2 has it since Iron."""
         return self._store.hash_rihs01(kind)
 
     def encoded(self, message: Any) -> bytes:
@@ -45,10 +45,10 @@ class RosMessages:
         return bytes(self._store.serialize_cdr(message, message.__msgtype__))
 
     def decoded(self, payload: bytes, kind: Kind) -> Any:
-        """A message from CDR.
+        """The message in CDR.
 
         Raises:
-            UserError: it is no message of this kind.
+            UserError: the payload is no message of this kind.
         """
         from rosbags.serde import SerdeError
 
@@ -68,7 +68,7 @@ class RosMessages:
     ) -> Any:
         """`nav_msgs/Odometry` of a frame in another, `frames` = (child, parent).
 
-        twist: [6] m/s and rad/s in the axes of the child, as its covariance.
+        twist: [6] m/s and rad/s in the axes of the child; so is its covariance.
         """
         child, parent = frames
         linear, angular = (self._vector(part) for part in (twist[:3], twist[3:]))
@@ -153,7 +153,7 @@ class RosMessages:
     ) -> Any:
         """`nav_msgs/OccupancyGrid` of [rows, columns] int8: 0 free to 100 occupied, -1 unknown.
 
-        T: [4, 4] of the corner of cell [0, 0] in `frame`; columns go along its x, rows along its y.
+        T: pose [4, 4] of the corner of cell [0, 0] in `frame`; columns go along its x, rows along its y.
         """
         rows, columns = occupied.shape
         time = self._time(stamp_ns)
@@ -181,10 +181,10 @@ class RosMessages:
         distance_m: np.ndarray,
         unknown: float,
     ) -> Any:
-        """`nvblox_msgs/DistanceMapSlice` of [rows, columns] m; nan, not known, becomes `unknown`.
+        """`nvblox_msgs/DistanceMapSlice` of distances [rows, columns] m; nan becomes `unknown`.
 
-        corner: [3] m of cell [0, 0] in `frame`, whose x columns follow, whose y rows follow, at the height of
-        the slice.
+        corner: [3] m, corner of cell [0, 0] in `frame` at the height of the slice; columns go along x of
+        `frame`, rows along y.
         """
         rows, columns = distance_m.shape
         known = np.where(np.isnan(distance_m), unknown, distance_m)
@@ -204,7 +204,7 @@ class RosMessages:
         return self._store.types[kind](**fields)
 
     def _time(self, stamp_ns: int) -> Any:
-        """The time, or the nearest that ROS can tell: a source may have any stamps."""
+        """The time, clamped to the range of ROS: a source may have any stamps."""
         seconds, nanoseconds = divmod(min(max(stamp_ns, 0), _LATEST_NS), 10**9)
         return self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
 
@@ -232,6 +232,6 @@ class RosMessages:
 
 
 def _row_by_row(covariance: np.ndarray | None) -> np.ndarray:
-    """[36] of [6, 6], never singular; large, if it is not known."""
+    """Covariance [36] of [6, 6], never singular; large if it is unknown (None)."""
     known = _UNKNOWN * np.eye(6) if covariance is None else covariance + _SURE * np.eye(6)
     return known.ravel()

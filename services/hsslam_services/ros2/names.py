@@ -1,6 +1,6 @@
-"""What ROS calls frames, and rmw_zenoh keys of topics, QoS, liveliness tokens, the attachment of a message.
+"""Names of ROS frames; keys of topics, QoS, liveliness tokens and message attachments of rmw_zenoh.
 
-Written after https://github.com/ros2/rmw_zenoh, `docs/design.md` and what its publishers send.
+Follows `docs/design.md` of https://github.com/ros2/rmw_zenoh and the messages of its publishers.
 """
 
 import struct
@@ -14,7 +14,7 @@ _NO_ENCLAVE = "%"
 
 @dataclass(frozen=True)
 class FrameNames:
-    """The frames of a robot, as REP 105 has them."""
+    """The frames of a robot as in REP 105."""
 
     map: str
     odom: str
@@ -23,7 +23,7 @@ class FrameNames:
 
     @classmethod
     def of(cls, prefix: str) -> "FrameNames":
-        """Those of one robot among several: all begin with its prefix."""
+        """The frame names of a robot, each with its prefix."""
         names = ("map", "odom", "base_link", "camera_optical_frame")
         return cls(*(f"{prefix}{name}" for name in names))
 
@@ -37,7 +37,7 @@ class Qos:
     is_latched: bool = False
 
     def text(self) -> str:
-        """As in a token: what is as by default stays empty (reliable, volatile, keep last, no deadlines)."""
+        """As in a token: defaults stay empty (reliable, volatile, keep last, no deadlines)."""
         reliability = "" if self.is_reliable else f"{_BEST_EFFORT}"
         durability = f"{_TRANSIENT_LOCAL}" if self.is_latched else ""
         depth = "" if self.depth == _DEFAULT_DEPTH else f"{self.depth}"
@@ -46,7 +46,7 @@ class Qos:
 
 @dataclass(frozen=True)
 class TopicName:
-    """One topic, `/hsslam/odom`, with its message, `nav_msgs/msg/Odometry`, and the hash of that type."""
+    """One topic, as `/hsslam/odom`; its message type, as `nav_msgs/msg/Odometry`, and the hash of the type."""
 
     topic: str
     message: str
@@ -54,12 +54,12 @@ class TopicName:
 
     @property
     def type_name(self) -> str:
-        """As DDS has it, `nav_msgs::msg::dds_::Odometry_`."""
+        """The type name in DDS, as `nav_msgs::msg::dds_::Odometry_`."""
         package, kind, name = self.message.split("/")
         return f"{package}::{kind}::dds_::{name}_"
 
     def key(self, domain: int) -> str:
-        """The key that its messages are published on."""
+        """The zenoh key of its messages."""
         return f"{domain}/{self.topic.strip('/')}/{self.type_name}/{self.type_hash}"
 
 
@@ -99,14 +99,14 @@ def all_tokens(domain: int) -> str:
 
 
 def gid(token: str) -> bytes:
-    """The 16 bytes that stand for the publisher with this token."""
+    """The 16 bytes that identify the publisher with this token."""
     import xxhash
 
     return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 
 def attachment(sequence: int, stamp_ns: int, publisher: bytes) -> bytes:
-    """What travels beside a message: its number, from 1, its time, the publisher's gid."""
+    """The attachment of a message: its number, from 1, its time, the publisher's gid."""
     return _ATTACHMENT.pack(sequence, stamp_ns, len(publisher), publisher)
 
 

@@ -1,4 +1,4 @@
-"""A node of ROS 2 in a session of zenoh: it publishes and subscribes, and the graph of ROS shows it."""
+"""A ROS 2 node in a zenoh session: it publishes and subscribes, and the ROS graph shows it."""
 
 import time
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.ros2.messages import Kind, RosMessages
 from hsslam_services.ros2.names import NodeName, Qos, TopicName, attachment, gid
 
-_HEARTBEAT_S = 0.5  # after a message that was kept for late subscribers
+_HEARTBEAT_S = 0.5  # after a message that is kept for late subscribers
 _NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}  # ROS nodes have none by default
 
 
 class RosNode:
-    """A client of the router of ROS nodes; a context, whose end takes the node out of the graph.
+    """A client of the router of ROS nodes; a context manager whose end removes the node from the graph.
 
     Raises:
         UserError: no router at `endpoint` within `timeout_s`.
@@ -40,14 +40,14 @@ class RosNode:
         self._subscriptions: list[RosSubscription] = []
 
     def publisher(self, topic: str, kind: Kind, qos: Qos) -> "RosPublisher":
-        """Of an absolute topic, `/tf`, or one below the node's namespace, `odom`."""
+        """A publisher of an absolute topic, as `/tf`, or of one in the node's namespace, as `odom`."""
         name, number = self._topic_name(topic, kind), self._next_number()
         made = RosPublisher(self._session, self._node, number, name, qos, self._messages)
         self._publishers.append(made)
         return made
 
     def subscription(self, topic: str, kind: Kind, qos: Qos) -> "RosSubscription":
-        """To a topic, named as for `publisher`."""
+        """A subscription to a topic, named as for `publisher`."""
         name, number = self._topic_name(topic, kind), self._next_number()
         made = RosSubscription(self._session, self._node, number, name, qos)
         self._subscriptions.append(made)
@@ -62,7 +62,7 @@ class RosNode:
 
     @property
     def publishers(self) -> Sequence["RosPublisher"]:
-        """All that were made here."""
+        """All publishers of this node."""
         return tuple(self._publishers)
 
     def close(self) -> None:
@@ -80,7 +80,7 @@ class RosNode:
 
 
 class RosPublisher:
-    """Of one topic; `RosNode.publisher` makes it."""
+    """A publisher of one topic; `RosNode.publisher` makes it."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class RosPublisher:
         self._token = session.liveliness().declare_token(token)
 
     def has_subscribers(self) -> bool:
-        """Whether anything subscribes now, or may later ask for what is kept."""
+        """Whether there is a subscriber; always true if messages are kept for late subscribers."""
         if not isinstance(self._publisher, zenoh.Publisher):
             return True
         status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
@@ -139,19 +139,19 @@ class RosPublisher:
 
 
 class RosSubscription:
-    """To one topic; `RosNode.subscription` makes it. It keeps the last `depth` messages."""
+    """A subscription to one topic; `RosNode.subscription` makes it. It keeps the last `depth` messages."""
 
     def __init__(
         self, session: zenoh.Session, node: NodeName, number: int, name: TopicName, qos: Qos
     ) -> None:
-        # any hash of the type: releases before Jazzy know none
+        # any type hash: releases before Jazzy send none
         key = f"{node.domain}/{name.topic.strip('/')}/{name.type_name}/*"
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(qos.depth))
         token = node.subscription_token(number, name, qos)
         self._token = session.liveliness().declare_token(token)
 
     def newest(self) -> bytes | None:
-        """The payload of the newest message that has not been read; those before it are dropped."""
+        """The payload of the newest unread message; drops older ones."""
         payload = None
         while (sample := self._subscriber.try_recv()) is not None:
             payload = sample.payload.to_bytes()

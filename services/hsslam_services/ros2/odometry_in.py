@@ -1,4 +1,4 @@
-"""Odometry of ROS, `nav_msgs/Odometry`, read for the frames of a camera."""
+"""Reads ROS odometry, `nav_msgs/Odometry`, for the frames of a camera."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,10 +19,10 @@ _UNIT = 1e-2  # largest difference of a quaternion's norm from 1
 
 
 class RosOdometry:
-    """Takes messages as they come, and adds odometry to frames at their stamps.
+    """Takes odometry messages in order, and adds odometry to each frame at its stamp.
 
     The messages are poses of `base_link`; `--base-T-camera` is the pose of the camera in it.
-    They call `clock_set_back` with the seconds by which stamps went back, each time they do.
+    `clock_set_back` is called with the jump in seconds each time that stamps go back.
     """
 
     def __init__(
@@ -33,12 +33,12 @@ class RosOdometry:
         self.has_any = False
 
     def take(self, message: Any, stamp_ns: int | None = None) -> None:
-        """Take a message, decoded by rosbags; one that is not later than the last is ignored.
+        """Take a message, decoded by rosbags; ignore one that is not later than the last.
 
-        stamp_ns: of the message; None: that of its header.
+        stamp_ns: stamp of the message; None: that of its header.
 
         Raises:
-            UserError: its pose has numbers that are not finite, or no unit quaternion.
+            UserError: the pose is not finite, or has no unit quaternion.
         """
         p, o = message.pose.pose.position, message.pose.pose.orientation
         t, q = np.array([p.x, p.y, p.z]), np.array([o.x, o.y, o.z, o.w])
@@ -53,5 +53,5 @@ class RosOdometry:
         self.has_any = True
 
     def given(self, frame: Frame) -> Frame:
-        """The frame with the odometry at its stamp; with none if no message is near it."""
+        """The frame with the odometry at its stamp; without it if no message is near."""
         return replace(frame, odometry=self._track.at(frame.stamp_ns))

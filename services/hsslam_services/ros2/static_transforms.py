@@ -1,4 +1,4 @@
-"""Transforms of ROS that do not change, `/tf_static`: where sensors are mounted."""
+"""Static transforms of ROS, `/tf_static`: the mounting of sensors."""
 
 from collections import deque
 from typing import Any
@@ -22,7 +22,7 @@ class StaticTransforms:
         """Take a `TFMessage`, decoded by rosbags.
 
         Raises:
-            UserError: a transform is not finite, or its quaternion has no unit norm.
+            UserError: a transform is not finite, or has no unit quaternion.
         """
         for stamped in message.transforms:
             parent, child = _name(stamped.header.frame_id), _name(stamped.child_frame_id)
@@ -51,7 +51,7 @@ class StaticTransforms:
         return None
 
     def _beside(self, frame: str) -> list[tuple[str, np.ndarray]]:
-        """Parent and children of a frame, each with T_it_frame."""
+        """Parent and children of a frame, each with T_beside_frame."""
         children = [
             (child, inverse(T)) for child, (parent, T) in self._to_parent.items() if parent == frame
         ]
@@ -59,5 +59,5 @@ class StaticTransforms:
 
 
 def _name(frame_id: str) -> str:
-    """As ROS 2 has it: ROS 1 allowed a slash in front."""
+    """The name without slashes at its ends: ROS 1 allowed a leading slash."""
     return str(frame_id).strip("/")

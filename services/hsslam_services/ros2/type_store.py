@@ -1,4 +1,4 @@
-"""Definitions of the messages, by the package rosbags, and those that it lacks."""
+"""Definitions of ROS messages: those of the package rosbags, and those that it lacks."""
 
 import importlib.util
 from typing import TYPE_CHECKING
@@ -27,10 +27,10 @@ float32[] data
 
 
 def expect_packages(who: str) -> None:
-    """UserError if what `who` needs to send to ROS 2 is not installed."""
+    """Raise UserError if a package that `who` needs to send to ROS 2 is not installed."""
     for package in ("rosbags", "xxhash"):
         if importlib.util.find_spec(package) is None:
-            raise UserError(f"{who}: package {package} is not there: {_REMEDY}")
+            raise UserError(f"{who}: package {package} is not installed: {_REMEDY}")
 
 
 def open_type_store(who: str, is_ros1: bool = False) -> "Typestore":
@@ -42,7 +42,7 @@ def open_type_store(who: str, is_ros1: bool = False) -> "Typestore":
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise UserError(f"{who}: package rosbags is not there: {_REMEDY}") from None
+        raise UserError(f"{who}: package rosbags is not installed: {_REMEDY}") from None
     store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
     for name, text in (_OF_ROS1 if is_ros1 else _OF_ROS2).items():
         store.register(get_types_from_msg(text, name))

@@ -1,4 +1,4 @@
-"""What each kind of certificate may do at the router, and who has none; what is not listed is refused."""
+"""Access control of the router: rights of each role, and of clients without certificates. Default: deny."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import zenoh
 from hsslam_proto.requests import MESH, QUERY, REQUESTS, STATUS, TRAJECTORY
 from hsslam_proto.topics import TOPICS, Topic
 
-WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: processes of this user alone
-_PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; no ** matches an @
+WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: only processes of this user
+_PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; ** matches no @
 _LIVE = "hsslam/*/sys/live/*/*"
 _MESSAGES = (
     *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
@@ -22,7 +22,7 @@ _MESSAGES = (
 class Role:
     """One row: the common name of a certificate, and its keys below `hsslam/<robot>/`.
 
-    A key here must include the key that a client names: a role that hears `out/**` may subscribe to
+    A key here must include the key of the client: a role that hears `out/**` may subscribe to
     `out/pose` and to `out/**`, not to `**`.
     """
 
@@ -37,13 +37,13 @@ ROLES: tuple[Role, ...] = (
     Role("camera", "publishes frames", ("in/**",), ("sys/*", "out/pose", "out/map")),
     Role(
         "viewer",
-        "looks on: images, poses, meshes, distances, status",
+        "reads images, poses, meshes, distances, status",
         hears=("in/**", "out/**", "sys/*"),
         asks=tuple(request.name for request in (STATUS, MESH, TRAJECTORY, QUERY)),
     ),
     Role(
         "operator",
-        "looks on and controls the run",
+        "reads everything and controls the run",
         hears=("in/**", "out/**", "sys/*"),
         asks=tuple(request.name for request in REQUESTS),
     ),
@@ -51,7 +51,7 @@ ROLES: tuple[Role, ...] = (
 
 NO_CERTIFICATE = Role(
     "outside",
-    "a port without certificates: publishes frames, looks on and controls the run",
+    "a port without certificates: publishes frames, reads everything and controls the run",
     publishes=("in/**",),
     hears=("in/**", "out/**", "sys/*"),
     asks=tuple(request.name for request in REQUESTS),
@@ -61,10 +61,10 @@ NO_CERTIFICATE = Role(
 def access_control(
     robot: str, has_certificates: bool, ros_domain: int | None = None
 ) -> dict[str, Any]:
-    """The access control of a router of zenoh: workers do everything, outsiders what their role may.
+    """Access control of a zenoh router: processes of the run may do everything, clients what their role may.
 
-    Publishing and asking is bound to this robot; a client that subscribes may leave the robot open.
-    `ros_domain`: ROS nodes of this domain meet at this router, too.
+    Clients may publish and send requests only for `robot`; they may subscribe to any robot.
+    `ros_domain`: domain of the ROS nodes that may use this router.
     """
     ros_keys = () if ros_domain is None else _ros_keys(ros_domain)
     every_key = ("**", f"**{_PUBLISHER_KEYS}", *ros_keys)
@@ -91,41 +91,41 @@ def access_control(
 
 
 def _ros_keys(domain: int) -> tuple[str, ...]:
-    """Of rmw_zenoh: topics and services of a domain, their caches, and the tokens of all nodes."""
+    """Keys of rmw_zenoh: topics and services of a domain, their caches, and the tokens of all nodes."""
     return f"{domain}/**", f"{domain}/**{_PUBLISHER_KEYS}", "@ros2_lv/**"
 
 
 def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
     """Rules of one role. Ingress: from the client to the router; egress: from the router to it.
 
-    What a client sends needs the declarations of those it is for, and the other way round: a publisher
-    that hears of no subscriber sends nothing.
+    Messages in one direction need declarations in the other: a publisher that sees no subscriber sends
+    nothing.
     """
     heard = [f"hsslam/*/{key}" for key in role.hears]
     caches = [f"{key}{_PUBLISHER_KEYS}" for key in heard]
     rules = [
         _rule(f"{role.name} hears", ("ingress",), ("declare_subscriber",), heard + caches),
-        _rule(f"{role.name} is told", ("egress",), ("put", "reply"), heard + caches),
+        _rule(f"{role.name} receives", ("egress",), ("put", "reply"), heard + caches),
         _rule(
             f"{role.name} asks for history",
             ("ingress",),
             ("query", "declare_liveliness_subscriber", "liveliness_query"),
             caches,
         ),
-        _rule(f"{role.name} is told of caches", ("egress",), ("liveliness_token",), caches),
+        _rule(f"{role.name} sees caches", ("egress",), ("liveliness_token",), caches),
         _rule(
-            f"{role.name} asks who lives",
+            f"{role.name} asks for liveliness",
             ("ingress",),
             ("liveliness_query", "declare_liveliness_subscriber"),
             [_LIVE],
         ),
-        _rule(f"{role.name} is told who lives", ("egress",), ("liveliness_token",), [_LIVE]),
+        _rule(f"{role.name} sees liveliness", ("egress",), ("liveliness_token",), [_LIVE]),
     ]
     states = [key for key in heard for topic in TOPICS if topic.keeps_state and _names(key, topic)]
     if states:
         rules += [
             _rule(f"{role.name} asks for the state", ("ingress",), ("query",), states),
-            _rule(f"{role.name} is told of the state", ("egress",), ("declare_queryable",), states),
+            _rule(f"{role.name} sees the state", ("egress",), ("declare_queryable",), states),
         ]
     if role.publishes:
         sent = [f"hsslam/{robot}/{key}" for key in role.publishes]
@@ -148,7 +148,7 @@ def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
         ]
     if role.asks:
         asked = [f"hsslam/{robot}/rpc/{name}" for name in role.asks]
-        every = [f"hsslam/{robot}/rpc/**"]  # what the service has declared
+        every = [f"hsslam/{robot}/rpc/**"]  # the key that the service declares
         rules += [
             _rule(f"{role.name} asks", ("ingress",), ("query",), asked),
             _rule(f"{role.name} is answered", ("egress",), ("reply",), asked),

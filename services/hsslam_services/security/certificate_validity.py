@@ -1,4 +1,4 @@
-"""When a certificate begins and ends, and the warning before it begins and from 14 days before its end on."""
+"""Validity of a certificate; warnings before it begins, and from 14 days before it ends."""
 
 import datetime
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ _REPEATED_AFTER = datetime.timedelta(days=1)
 
 @dataclass(frozen=True)
 class CertificateValidity:
-    """When the certificate of a folder and its CA are both valid."""
+    """The time in which the certificate of a folder and its CA are both valid."""
 
     folder: Path
     begins: datetime.datetime  # aware
     ends: datetime.datetime  # aware
 
     def days_left(self, now: datetime.datetime) -> float:
-        """Days from `now`; negative if it has ended."""
+        """Days from `now` to the end; negative after it."""
         return (self.ends - now) / datetime.timedelta(days=1)
 
     def warning(self, now: datetime.datetime) -> str:
-        """What the user must do; empty if it is valid, and its end more than 14 days away."""
+        """The warning for the user; empty if the certificate is valid for more than 14 days."""
         of = f"--security {self.folder}: the certificate"
         if now < self.begins:
             return (
-                f"{of} is not valid before {self.begins:%Y-%m-%d %H:%M} UTC, the clock of this machine "
-                f"says {now:%Y-%m-%d %H:%M} UTC: expected a clock that is right"
+                f"{of} is not valid before {self.begins:%Y-%m-%d %H:%M} UTC, but it is "
+                f"{now:%Y-%m-%d %H:%M} UTC: expected a correct clock on this machine"
             )
         if self.ends - now > _WARNED_BEFORE:
             return ""
@@ -39,14 +39,14 @@ class CertificateValidity:
 
 
 class CertificateWarnings:
-    """Takes out the warning of a certificate once a day."""
+    """Repeats the warning of a certificate once a day."""
 
     def __init__(self, validity: CertificateValidity | None) -> None:
         self._validity = validity
         self._due: datetime.datetime | None = None
 
     def take(self, now: datetime.datetime) -> str:
-        """The warning if it is due; else empty."""
+        """The warning, if it is due; else empty."""
         if self._validity is None or (self._due is not None and now < self._due):
             return ""
         text = self._validity.warning(now)

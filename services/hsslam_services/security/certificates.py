@@ -1,4 +1,4 @@
-"""A CA of one's own, new or read from its folder, and the certificates that it issues."""
+"""A private CA, new or read from a folder, and the certificates that it issues."""
 
 import datetime
 import ipaddress
@@ -20,7 +20,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.security.credentials import CA_FILE, KEY_FILE
 
 _CLOCKS_DIFFER = datetime.timedelta(hours=1)
-_CA_LIVES_LONGER = 10  # times
+_CA_LIVES_LONGER = 10  # factor
 _EXPECTED = "expected the folder ca of hsslam-certs"
 _SIGNS = x509.KeyUsage(
     digital_signature=False,
@@ -36,9 +36,9 @@ _SIGNS = x509.KeyUsage(
 
 
 class CertificateAuthority:
-    """A CA; `issue` makes keys with certificates that it vouches for. ECDSA on P-256, as PEM.
+    """A CA; `issue` makes keys and certificates: ECDSA on P-256, as PEM.
 
-    `days`: how long what it issues is valid; a new CA is valid ten times as long.
+    `days`: validity of the certificates that it issues; a new CA is valid ten times as long.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class CertificateAuthority:
 
     @classmethod
     def new(cls, days: int) -> "CertificateAuthority":
-        """One with a key of its own."""
+        """A CA with a new key."""
         key, name = ec.generate_private_key(ec.SECP256R1()), _name("HS-SLAM CA")
         certificate = (
             _begun(name, name, key.public_key(), _CA_LIVES_LONGER * days)
@@ -62,11 +62,11 @@ class CertificateAuthority:
 
     @classmethod
     def read(cls, folder: Path, days: int) -> "CertificateAuthority":
-        """The one of the folder of an option `--ca`.
+        """The CA in the folder of an option `--ca`.
 
         Raises:
-            UserError: a file is missing or damaged, the key is another's, or the CA ends before what it
-                would issue.
+            UserError: a file is missing or damaged, the key does not fit, or the CA would end before the
+                certificates that it issues.
         """
         try:
             certificate = x509.load_pem_x509_certificate((folder / CA_FILE).read_bytes())
@@ -93,16 +93,16 @@ class CertificateAuthority:
 
     @property
     def certificate_pem(self) -> bytes:
-        """What others trust."""
+        """The certificate of the CA, which clients and router trust."""
         return self._certificate.public_bytes(Encoding.PEM)
 
     @property
     def key_pem(self) -> bytes:
-        """The key that signs; whoever has it can admit clients."""
+        """The key that signs; its owner can admit clients."""
         return _pem(self._key)
 
     def issue(self, name: str, hosts: Sequence[str] = ()) -> tuple[bytes, bytes]:
-        """Certificate and key. With `hosts` (names, addresses): of a server there; without: of a client."""
+        """Certificate and key: of a server at `hosts` (names, addresses), or of a client if that is empty."""
         key = ec.generate_private_key(ec.SECP256R1())
         usage = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
         names = [_host(host) for host in hosts] or [x509.DNSName(name)]

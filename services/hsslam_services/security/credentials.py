@@ -1,4 +1,4 @@
-"""A folder with a certificate, its key and the CA that is trusted, as zenoh takes them."""
+"""A folder with a certificate, its key and the trusted CA, and the TLS settings of zenoh for them."""
 
 import datetime
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _TLS = "transport/link/tls/"
 
 @dataclass(frozen=True)
 class Credentials:
-    """The identity of a client: `name` is the common name of the certificate, and so the role."""
+    """The identity of a client or router: `name` is the common name of the certificate, which is the role."""
 
     folder: Path
     name: str
@@ -29,10 +29,11 @@ class Credentials:
 
     @staticmethod
     def read(folder: str | Path) -> "Credentials":
-        """What lies in the folder of an option `--security`.
+        """The credentials in the folder of an option `--security`.
 
         Raises:
-            UserError: a file is missing or no certificate, it has expired, or is not of this CA.
+            UserError: a file is missing or not PEM; the certificate has expired, does not fit its key, or is
+                not of the trusted CA.
         """
         from cryptography import x509
         from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -60,7 +61,7 @@ class Credentials:
         chain = _chain(certificate, others, trusted)
         if not chain:
             raise UserError(
-                f"--security {folder}: cert.pem is not of the CA in ca.pem: expected both of one CA"
+                f"--security {folder}: the CA in ca.pem did not issue cert.pem: expected both of one CA"
             )
         begins = max(each.not_valid_before_utc for each in chain)
         ends = min(each.not_valid_after_utc for each in chain)
@@ -73,14 +74,14 @@ class Credentials:
         return Credentials(path, name, CertificateValidity(path, begins, ends))
 
     def expect_router(self) -> None:
-        """UserError where it is not for the router."""
+        """Raise UserError unless the certificate is the router's."""
         if self.name != ROUTER:
             raise UserError(
                 f"--security {self.folder}: certificate of {self.name!r}: expected the router's"
             )
 
     def expect_outsider(self) -> None:
-        """UserError if no client may connect to the router with it."""
+        """Raise UserError unless the certificate is that of a client."""
         known = [role.name for role in ROLES]
         if self.name not in known:
             raise UserError(
@@ -89,11 +90,11 @@ class Credentials:
             )
 
     def listening(self) -> dict[str, object]:
-        """Settings of a router that takes only clients of its CA."""
+        """zenoh settings of a router that accepts only clients of its CA."""
         return {**self._certified("listen"), f"{_TLS}close_link_on_expiration": True}
 
     def connecting(self) -> dict[str, object]:
-        """Settings of a client that shows its certificate, and takes only a router of its CA."""
+        """zenoh settings of a client that presents its certificate and accepts only a router of its CA."""
         return {**self._certified("connect"), f"{_TLS}verify_name_on_connect": True}
 
     def _certified(self, act: Literal["listen", "connect"]) -> dict[str, object]:
@@ -108,9 +109,9 @@ class Credentials:
 def _chain(
     certificate: "Certificate", others: "Sequence[Certificate]", trusted: "Sequence[Certificate]"
 ) -> "list[Certificate]":
-    """The certificate, the one that issued it, and so on up to a trusted one; empty if no chain ends there.
+    """The certificate, its issuer, and so on up to a trusted certificate; empty if there is no such chain.
 
-    If a CA was renewed with the same key, its certificate that ends last counts.
+    If a CA was renewed with the same key, the certificate of it that ends last counts.
     """
     issuers = (*sorted(trusted, key=lambda each: each.not_valid_after_utc, reverse=True), *others)
     chain = [certificate]
@@ -133,10 +134,10 @@ def _is_issued(certificate: "Certificate", issuer: "Certificate") -> bool:
 
 
 def client_settings(endpoint: str, security: str) -> dict[str, object]:
-    """Settings of zenoh for a client of this endpoint, with the folder of its certificate or "".
+    """zenoh settings of a client of `endpoint`; `security`: folder of its certificate, or "".
 
     Raises:
-        UserError: tls without a certificate, a certificate without tls, or one that cannot be used.
+        UserError: tls without a certificate, a certificate without tls, or an unusable certificate.
     """
     is_tls = endpoint.startswith("tls/")
     if is_tls and not security:

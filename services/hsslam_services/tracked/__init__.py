@@ -1,1 +1,1 @@
-"""What the tracker process says of its results: poses and keyframes on the bus and in the log, events."""
+"""Publishes the results of the tracker: poses and keyframes on the bus and in the pose log, events."""

@@ -1,4 +1,4 @@
-"""Events and counters of tracking: lost and found, fragments, a full store, what the IMU is good for."""
+"""Events and counters of tracking: lost and found, fragments, a full keyframe store, gravity by the IMU."""
 
 import math
 
@@ -17,22 +17,22 @@ class TrackingEvents:
         self._worker = worker
         self._link = link
         self._last_status: Status = "initial"
-        self._fragment = self._waiting = 0  # the newest that was reported
+        self._fragment = self._waiting = 0  # newest fragment reported
         self._imu_disagrees = self._knows_up = False  # reported
         self._heard = -1, -1  # publisher and source_stamp_ns of the frame before
 
     def heard(self, place: Place, source_ns: int) -> None:
-        """A new frame has come; motion is predicted by the clock of its source, so that must go on."""
+        """Check a new frame: its source stamp must grow, as the tracker predicts motion by it."""
         before, self._heard = self._heard, (place.publisher, source_ns)
         if before[0] == place.publisher and source_ns <= before[1]:
             text = (
-                f"frame {place.index}: source_stamp_ns {source_ns} after {before[1]}: expected a later one, "
-                "without which no motion is predicted"
+                f"frame {place.index}: source_stamp_ns {source_ns} after {before[1]}: expected a later one; "
+                "without it the tracker predicts no motion"
             )
             self._worker.warn_once(Report("frames whose source_stamp_ns did not grow", text))
 
     def take(self, result: TrackResult) -> None:
-        """The result of a frame."""
+        """Count and report the result of a frame."""
         self._count(result)
         self._report_fragment(result)
         self._report_status(result)
@@ -67,7 +67,7 @@ class TrackingEvents:
             self._worker.event("info", f"tracking again at {frame}")
 
     def _report_room(self) -> None:
-        """Once: the camera is tracked on the keyframes that there are."""
+        """Report once that the store is full and tracking goes on with the keyframes so far."""
         store = self._link.store()
         refused = store.refused if store is not None else 0
         if refused and not self._worker.counters.get("keyframes without room", 0):
@@ -76,21 +76,23 @@ class TrackingEvents:
             self._worker.counters["keyframes without room"] = refused
 
     def _report_wait(self, result: TrackResult) -> None:
-        """Once for each fragment that has met the map: why it has not joined it yet."""
+        """Report once for each fragment that has met the map that it waits for room."""
         store = self._link.store()
         if store is None or not store.wanted or result.fragment <= self._waiting:
             return
         self._waiting = result.fragment
         text = (
             f"fragment {result.fragment} waits until the map has room for {store.wanted} keyframes: "
-            "the mapper removes some that show little that others do not"
+            "the mapper removes redundant ones"
         )
         self._worker.event("info", text)
 
     def _report_imu(self, result: TrackResult) -> None:
-        """Once: which way is up, or that the IMU cannot be used."""
+        """Report once the direction up, or that the IMU is not used."""
         if result.imu_disagrees and not self._imu_disagrees:
-            text = "the IMU turns otherwise than the camera and is not used: see --camera-T-imu"
+            text = (
+                "the IMU is not used: its rotation differs from the camera's; check --camera-T-imu"
+            )
             self._worker.event("warning", text)
         self._imu_disagrees |= result.imu_disagrees
         store = self._link.store()

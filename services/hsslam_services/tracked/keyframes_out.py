@@ -1,4 +1,4 @@
-"""Keyframes on the topic `out/keyframe`: new ones, and those that the map has from a fragment."""
+"""Publishes keyframes on the topic `out/keyframe`: new ones, and those of a fragment that joins the map."""
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ from hsslam_services.launch.worker import Worker
 
 
 class KeyframesOut:
-    """Announces keyframes at their poses of now."""
+    """Publishes keyframes with their current poses."""
 
     def __init__(self, worker: Worker, link: SharedMap, mode: MapState) -> None:
         self._worker = worker
@@ -21,14 +21,14 @@ class KeyframesOut:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
 
     def put(self, result: TrackResult, message: messages.Frame) -> None:
-        """The frame of this result has become a keyframe."""
+        """Publish the frame of this result as a new keyframe."""
         keyframe = self._message(
             result.keyframe, message.index, message.source_stamp_ns, result.T_world_cam
         )
         self._keyframes.put(keyframe)
 
     def put_joined(self, joined: JoinedFragment) -> None:
-        """A fragment has joined the map."""
+        """Publish the keyframes of a fragment that has joined the map."""
         store = self._link.store()
         assert store is not None
         ids, first = np.unique(joined.keyframes, return_index=True)

@@ -1,4 +1,4 @@
-"""Poses of frames: in the pose log, smooth for robots, and on the topic `out/pose`."""
+"""Writes poses of frames to the pose log, with the smooth path, and publishes them on `out/pose`."""
 
 import time
 from itertools import pairwise
@@ -24,7 +24,7 @@ _WIRE_STATUS: dict[int, Literal["initial", "tracked", "lost"]] = {
     INITIAL: "initial",
     TRACKED: "tracked",
     LOST: "lost",
-    DEAD_RECKONED: "tracked",  # with a field of its own: readers of before know no such status
+    DEAD_RECKONED: "tracked",  # beside is_dead_reckoned: old readers know no other status
 }
 
 
@@ -34,13 +34,13 @@ class Received(NamedTuple):
     message: messages.Frame
     place: Place
     arrival_ns: int
-    taken_ns: int  # the tracker had time for it
+    taken_ns: int  # when the tracker took it
     decoded_ns: int
     pose_version: int  # of the keyframes' poses that it was aligned to
 
 
 class PosesOut:
-    """Logs and publishes what became of each frame; attaches to the log that a predecessor left."""
+    """Logs and publishes the result of each frame; attaches to the pose log of an earlier tracker process."""
 
     def __init__(self, worker: Worker, link: SharedMap, mode: MapState) -> None:
         self._worker = worker
@@ -55,7 +55,7 @@ class PosesOut:
         self._poses = worker.bus.publisher(topics.POSE)
 
     def put(self, result: TrackResult, received: Received) -> int:
-        """Log and publish the result of a frame now; returns when that was, ns."""
+        """Log and publish the result of a frame; returns the time of publication, ns."""
         publish_ns = time.time_ns()
         row = result.log_row(
             source_stamp_ns=received.message.source_stamp_ns,
@@ -83,7 +83,7 @@ class PosesOut:
         return publish_ns
 
     def put_again(self, place: Place) -> None:
-        """Publish the pose of a frame that was sent again; nothing if it was never tracked: it comes late."""
+        """Publish again the pose of a frame that was sent again; count a frame without a pose as late."""
         row = self.log.find(place.publisher, place.index)
         if row is None:
             self._worker.count("late frames")
@@ -91,7 +91,7 @@ class PosesOut:
             self._poses.put(_pose_message(row, float("nan"), {}, self._up()))
 
     def join(self, joined: JoinedFragment) -> None:
-        """Poses of a fragment are of the map from now on."""
+        """Convert the logged poses of a fragment to poses in the map."""
         try:
             self.log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
         except OutOfMemoryError as error:
@@ -99,7 +99,7 @@ class PosesOut:
             self._worker.event("warning", text)
 
     def _up(self) -> list[float]:
-        """Against gravity, in the world; empty: not known."""
+        """Direction against gravity, in the world; empty: unknown."""
         store = self._link.store()
         gravity = None if store is None else store.world_frame.gravity
         return [] if gravity is None else list(gravity.up)

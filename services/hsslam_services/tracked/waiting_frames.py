@@ -1,4 +1,4 @@
-"""Frames that wait for their poses; alone, as processes of different kinds need both."""
+"""Keeps frames until their poses come; for processes that need both."""
 
 from collections import OrderedDict
 
@@ -6,18 +6,18 @@ from hsslam_proto import topics
 from hsslam_proto.messages import Frame, Pose
 from hsslam_services.bus.bus import Bus
 
-_FRAMES = 4  # that wait: a pose comes two frames late at most, unless the machine is too slow
+_FRAMES = 4  # most that wait: a pose is at most two frames late, unless the machine is too slow
 
 
 class WaitingFrames:
-    """Subscribes to frames, and gives the one of a pose; older ones are forgotten then."""
+    """Subscribes to frames and returns the frame of a pose; then drops older frames."""
 
     def __init__(self, bus: Bus) -> None:
         self._frames = bus.subscribe(topics.FRAME, _FRAMES)
         self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()
 
     def of(self, pose: Pose) -> Frame | None:
-        """The frame of a pose; None if it did not come, or was pushed out by newer ones."""
+        """The frame of a pose; None if it did not come, or newer frames pushed it out."""
         for frame in self._frames.drain():
             self._waiting[frame.index, frame.stamp_ns] = frame
         of_pose = pose.index, pose.stamp_ns
