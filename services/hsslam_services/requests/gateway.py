@@ -1,4 +1,4 @@
-"""The request gateway: what clients ask of a running service, answered in the supervisor's loop."""
+"""The request gateway: answers requests of clients in the supervisor's loop."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,8 +27,8 @@ _AT_A_TIME = 64  # requests in one turn of the loop
 class Gateway:
     """Answers the table of requests; `tick` never blocks.
 
-    `wants_stop`: a client has asked for the end of the run. `is_loading`: the map of `--map` is not in the
-    arena yet, and no process of the run has begun; the supervisor says when that is over.
+    `wants_stop`: a client has asked to stop the run. `is_loading`: the map of `--map` is not in the arena
+    yet, and no process of the run has started; the supervisor resets it.
     """
 
     def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
@@ -49,20 +49,20 @@ class Gateway:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a map is being saved or thrown away; the end of the run waits for it."""
+        """Whether a save or a reset is in progress; the end of the run waits for it."""
         return self._saving.is_busy or self._reset.is_busy
 
     @property
     def is_resetting(self) -> bool:
-        """Whether tracker and mapper are being replaced; the others start after them."""
+        """Whether a reset restarts tracker and mapper; other processes start after them."""
         return self._reset.is_busy
 
     def begin_stop(self) -> None:
-        """The end of the run begins: from now on nothing is changed for clients."""
+        """Refuse requests that change the run from now on: it ends."""
         self._is_stopping = True
 
     def tick(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> None:
-        """Answer what was asked since the last time."""
+        """Answer the requests since the last call."""
         for _ in range(_AT_A_TIME):
             asked = self._requests.poll()
             if asked is None:
@@ -80,7 +80,7 @@ class Gateway:
             self._mesh.forget(self._reset.map_epoch)
 
     def status(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> Status:
-        """How the run goes."""
+        """State of the run."""
         phase = "stopping" if self._is_stopping else self._pace
         rejected = sum(self.rejected(children).values())
         status = run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
@@ -91,14 +91,14 @@ class Gateway:
         return rejected_messages(self._bus.subscriptions, children)
 
     def section(self, children: Mapping[str, Child]) -> dict[str, Any]:
-        """For the summary: requests that came and were refused, messages that could not be read."""
+        """For the summary: counts of requests, of refused requests and of unreadable messages."""
         return {
             "requests": {"received": self._requests.received, "refused": self._requests.refused},
             "rejected": self.rejected(children),
         }
 
     def close(self) -> None:
-        """End what is still being done."""
+        """End a save or reset in progress."""
         self._saving.close()
         self._reset.close()
 

@@ -1,4 +1,4 @@
-"""Requests to throw the map away: all processes that hold its state end, and start anew without it."""
+"""The request `reset`: ends all processes that hold state of the map, and restarts them without it."""
 
 import contextlib
 import subprocess
@@ -23,7 +23,7 @@ from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
 
-_PATIENCE_S = 5.0  # for an orderly end; what they are at work on is thrown away anyway
+_PATIENCE_S = 5.0  # for an orderly end; the reset discards their work anyway
 _KILL_TIMEOUT_S = 1.0
 _Steps = Generator[None, None, None]  # each `yield` ends a turn of the supervisor's loop
 
@@ -31,10 +31,10 @@ _Steps = Generator[None, None, None]  # each `yield` ends a turn of the supervis
 class MapReset:
     """Ends a map epoch and begins the next, one turn of the supervisor's loop at a time.
 
-    The camera is held; the processes that hold state of the map end in order; the trajectories so far are
-    written, as they cannot be in one file with those of another map epoch; keyframes and parameters are
-    removed from the arena, the pose log stays; the processes start again, the camera is let go. Where
-    the trajectories cannot be written, the map stays and they go on in it.
+    Steps: pause the camera; end the processes that hold state of the map; write the trajectories so far, as
+    each map epoch has its own files; remove keyframes and parameters from the arena, but keep the pose log;
+    start the processes again; resume the camera. If the trajectories cannot be written, the processes go on
+    with the old map.
     """
 
     def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, pause: CameraPause) -> None:
@@ -49,12 +49,12 @@ class MapReset:
 
     @property
     def map_epoch(self) -> int:
-        """Number of the map of now."""
+        """Number of the current map."""
         return self._mode.map_epoch
 
     @property
     def is_busy(self) -> bool:
-        """Whether a map is being thrown away."""
+        """Whether a reset is in progress."""
         return self._steps is not None
 
     def ask(
@@ -65,15 +65,15 @@ class MapReset:
         state: RunState,
         children: Mapping[str, Child],
     ) -> None:
-        """Begin; refused while no new map could be made, or there is none to throw away.
+        """Start a reset; refused if the mode is localise-only or there is no map.
 
-        Who asks while it is being done is answered with the others: a busy zenoh asks twice.
+        A request during a reset gets the same answer: a busy zenoh sends a request twice.
         """
         if self.is_busy:
             self._asked.append(asked)
         elif self._mode.localise_only:
             asked.refuse(
-                "not_now", "reset: in localise-only no map can be made: expected set-mode mapping"
+                "not_now", "reset: the mode is localise-only: expected mapping (set-mode mapping)"
             )
         elif not has_map:
             asked.refuse("not_now", "reset: there is no map yet: expected a first keyframe")
@@ -83,7 +83,7 @@ class MapReset:
             self._steps = self._reset(state, self._children)
 
     def tick(self) -> None:
-        """Do what can be done now; never blocks."""
+        """Do the next step; never blocks."""
         if self._steps is None:
             return
         try:
@@ -97,7 +97,7 @@ class MapReset:
             self._answer(f"{error.strerror or error}; the map stays")
 
     def close(self) -> None:
-        """End what is still at work."""
+        """End a reset in progress."""
         if self._steps is not None:
             self._steps.close()
 
@@ -131,7 +131,7 @@ class MapReset:
             child.wanted = not child.spec.is_late
 
     def _save_trajectories(self) -> Generator[None, None, str]:
-        """Run the process that writes them; returns "" or what went wrong."""
+        """Run the process that writes them; returns "" or the error."""
         name = process_name(TRAJECTORY_SAVER)
         try:
             clear_result(self._run.path, name)
@@ -151,7 +151,7 @@ class MapReset:
                 process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(_KILL_TIMEOUT_S)
-        with contextlib.suppress(OSError):  # a full disk: the trajectories are what counts
+        with contextlib.suppress(OSError):  # a full disk: only the trajectories matter
             update_summary(self._run.path, read_result(self._run.path, name).summary)
         return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
 
@@ -171,7 +171,7 @@ class MapReset:
 
 
 def _ended(children: list[Child]) -> _Steps:
-    """Wait until all have ended, some by force."""
+    """Wait until all have ended; kill those that take too long."""
     deadline_s = time.monotonic() + _PATIENCE_S
     while any(child.is_alive for child in children):
         if time.monotonic() > deadline_s:

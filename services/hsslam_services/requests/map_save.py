@@ -1,4 +1,4 @@
-"""Requests to save the map: each is done by a process of its own, one at a time."""
+"""The request `save`: a separate process saves the map, one at a time."""
 
 import contextlib
 import subprocess
@@ -36,7 +36,7 @@ class MapSaving:
         return self._process is not None
 
     def ask(self, asked: PendingRequest) -> None:
-        """Save the map under a name; refused while another is being saved."""
+        """Start to save the map under a name; refused during another save."""
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")
             return
@@ -49,7 +49,7 @@ class MapSaving:
             asked.refuse("failed", f"save: {not_started(error)}")
 
     def tick(self) -> None:
-        """Answer when the process has ended; never blocks. One that takes too long is killed."""
+        """Answer if the process has ended; kill it if it takes too long. Never blocks."""
         if self._process is None:
             return
         code = self._process.poll()
@@ -67,7 +67,7 @@ class MapSaving:
             self._refuse(last_error(self._run.path, MAP_SAVER))
 
     def close(self) -> None:
-        """End a process that still works."""
+        """Kill the process if it still runs."""
         if self._process is not None:
             self._process.kill()
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -75,7 +75,7 @@ class MapSaving:
         self._refuse("the run has ended")
 
     def _refuse(self, why: str) -> None:
-        """Answer the one who waits, if there is one."""
+        """Refuse the waiting request, if any."""
         if self._asked is not None:
             self._asked.refuse("failed", f"save: {why}")
             self._asked = None

@@ -24,7 +24,7 @@ MOST_POSES = 4_000_000  # 37 hours at 30 Hz; 64 bytes each of the 256 MiB that a
 
 
 class NewestMesh:
-    """Answers with the mesh as the mesher has it; asking and joining is work for a thread of its own."""
+    """Answers with the newest mesh; a thread fetches the mesher's blocks and merges them."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
@@ -32,11 +32,11 @@ class NewestMesh:
         self._waiting = WaitingRequests("meshes", self._answer)
 
     def ask(self, asked: PendingRequest) -> None:
-        """Answer as soon as the mesher has; refused if many wait already."""
+        """Answer when the mesher has; refused if too many requests wait."""
         self._waiting.add(asked)
 
     def forget(self, map_epoch: int) -> None:
-        """The map was thrown away: answer with meshes of the next map epoch only."""
+        """Answer only with meshes of this map epoch or later: the map was reset."""
         self._map_epoch = map_epoch
 
     def _answer(self, asked: PendingRequest) -> None:
@@ -45,13 +45,13 @@ class NewestMesh:
             live.add(message)
         whole = live.whole() if live.map_epoch >= self._map_epoch else None
         if whole is None:
-            asked.refuse("not_now", "mesh: there is none yet: expected keyframes first")
+            asked.refuse("not_now", "mesh: there is no mesh yet: expected keyframes first")
             return
         asked.answer_here(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
 
 
 class TrajectorySoFar:
-    """Answers with all poses as refined so far; computing them is work for a thread of its own."""
+    """Answers with all refined poses so far; a thread computes them."""
 
     def __init__(self, arena_dir: Path) -> None:
         self._arena_dir = arena_dir
@@ -59,7 +59,7 @@ class TrajectorySoFar:
         self._waiting = WaitingRequests("trajectories", self._answer)
 
     def ask(self, asked: PendingRequest) -> None:
-        """Answer soon; refused if many wait already."""
+        """Answer soon; refused if too many requests wait."""
         self._waiting.add(asked)
 
     def _answer(self, asked: PendingRequest) -> None:
@@ -73,8 +73,8 @@ class TrajectorySoFar:
 def trajectory_so_far(
     arena_dir: Path, map_epoch: int = 0, most: int = MOST_POSES
 ) -> TrajectoryRows | Refusal:
-    """All poses of a map epoch but those of lost frames, as refined; a refusal where there is none, or if
-    there may be more than `most`."""
+    """All refined poses of a map epoch, without lost frames; a refusal if there is no pose or there may be
+    more than `most`."""
     arrays = ArenaView(arena_dir)
     try:
         T_world_keyframe = KeyframeStore(arrays).poses()
@@ -83,7 +83,9 @@ def trajectory_so_far(
         return Refusal(reason="not_now", text="trajectory: there is no pose yet")
     if len(poses) > most:
         refused = f"trajectory: {len(poses)} frames: expected at most {most} in an answer"
-        instead = "trajectory.txt has all after the run, hsslam-log export those of finished parts"
+        instead = (
+            "trajectory.txt has them after the run, hsslam-log export has those of finished parts"
+        )
         return Refusal(reason="size", text=f"{refused}; {instead}")
     stamps_ns, numbers = np.empty(len(poses), "<i8"), np.empty((len(poses), 7), "<f8")
     count = 0

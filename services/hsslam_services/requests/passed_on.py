@@ -1,4 +1,4 @@
-"""Requests that another process answers, the one with the map or the camera; apart from the supervisor's."""
+"""Requests that another process answers: the one with the map, or the tracker."""
 
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import Request
@@ -8,7 +8,7 @@ from hsslam_services.requests.waiting_requests import WaitingRequests
 
 
 class PassedOn:
-    """Passes questions of one kind on to the process that answers them, one after the other."""
+    """Forwards requests of one kind to the process that answers them, one after the other."""
 
     def __init__(self, bus: Bus, request: Request) -> None:
         self._bus = bus
@@ -16,7 +16,7 @@ class PassedOn:
         self._waiting = WaitingRequests(request.name, self._answer)
 
     def ask(self, asked: PendingRequest) -> None:
-        """Answer as soon as that process has; never blocks."""
+        """Answer when that process has answered; never blocks."""
         self._waiting.add(asked)
 
     def _answer(self, asked: PendingRequest) -> None:

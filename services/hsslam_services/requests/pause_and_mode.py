@@ -1,4 +1,4 @@
-"""Requests to pause and resume the camera, and to map or only localise."""
+"""The requests `pause`, `resume` and `set-mode`."""
 
 import time
 
@@ -12,9 +12,9 @@ from hsslam_services.run.run_info import RunInfo
 
 
 class CameraPause:
-    """Pauses the camera for clients, and for the service itself while it cannot take frames.
+    """Pauses the camera for clients, and for the service while it cannot take frames.
 
-    `is_paused`: a client has asked for it.
+    `is_paused`: a client has paused the camera.
     """
 
     def __init__(self, bus: Bus, run: RunInfo) -> None:
@@ -23,10 +23,12 @@ class CameraPause:
         self._holds = bus.publisher(topics.HOLD)
 
     def set(self, asked: PendingRequest, paused: bool) -> None:
-        """Do as asked and tell it; refused where the camera is not ours."""
+        """Pause or resume, and answer; refused if another program sends the frames."""
         if not self._run.options.has_camera_process:
             name = asked.request.name
-            asked.refuse("not_now", f"{name}: frames come from outside: pause that camera itself")
+            asked.refuse(
+                "not_now", f"{name}: another program sends the frames: {name} its camera there"
+            )
             return
         word = "paused" if paused else "running"
         again = self.is_paused == paused
@@ -35,18 +37,18 @@ class CameraPause:
         asked.answer(Done(text=f"was {word} already" if again else word))
 
     def suspend(self) -> None:
-        """Let no frame come until `release`."""
+        """Pause the camera until `release`."""
         self._holds.put(Hold(paused=True))
 
     def release(self) -> None:
-        """Go on, unless a client has asked for a pause."""
+        """Resume the camera, unless a client has paused it."""
         self._holds.put(Hold(paused=self.is_paused))
 
 
 class ModeSetting:
-    """Writes the mode of the run, which every process looks at before it changes anything.
+    """Writes the mode of the run, which every process reads before it changes the map.
 
-    `has_map`: whether there is one to localise in.
+    `has_map`: whether there is a map to localise in.
     """
 
     def __init__(self, bus: Bus, run: RunInfo) -> None:
@@ -56,11 +58,11 @@ class ModeSetting:
 
     @property
     def now(self) -> Mode:
-        """The mode that the run is in."""
+        """The current mode."""
         return "localise-only" if self._mode.localise_only else "mapping"
 
     def set(self, asked: PendingRequest) -> None:
-        """Do as asked and tell it; refused while there is no map yet."""
+        """Set the mode, and answer; localise-only is refused while there is no map."""
         wanted: SetMode = asked.message
         if wanted.mode == self.now:
             asked.answer(Done(text=f"was {wanted.mode} already"))

@@ -1,4 +1,4 @@
-"""Requests that another process answers wait here, one after the other, in a thread of their own."""
+"""A queue of requests whose answers take time; a thread answers them one after the other."""
 
 import queue
 import threading
@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 from hsslam_services.bus.requests import PendingRequest
 
-_MOST_WAITING = 16  # of a megabyte each
+_MOST_WAITING = 16  # up to a megabyte each
 
 
 class WaitingRequests:
-    """Calls `answer` for each request in turn; one whose answer fails is refused, and costs no other.
+    """Calls `answer` for each request in turn; if that raises, it refuses the request and goes on.
 
     The thread starts with the first request.
     """
@@ -22,11 +22,11 @@ class WaitingRequests:
         self._thread: threading.Thread | None = None
 
     def add(self, asked: PendingRequest) -> None:
-        """Answer it soon; refused if many wait already. Never blocks."""
+        """Answer the request soon; refused if too many wait. Never blocks."""
         try:
             self._waiting.put_nowait(asked)
         except queue.Full:
-            asked.refuse("busy", f"{asked.request.name}: {_MOST_WAITING} wait already")
+            asked.refuse("busy", f"{asked.request.name}: {_MOST_WAITING} requests wait already")
             return
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name=self._name, daemon=True)
@@ -37,5 +37,5 @@ class WaitingRequests:
             asked = self._waiting.get()
             try:
                 self._answer(asked)
-            except Exception as error:  # whatever it is: the client waits for an answer
+            except Exception as error:  # of any kind: the client waits for an answer
                 asked.refuse("failed", f"{asked.request.name}: {error}")

@@ -111,7 +111,7 @@ def test_maps_have_names_not_paths(tmp_path):
     assert known_maps(tmp_path / "none") == []
     assert find_map(tmp_path, "b") == find_map("elsewhere", str(tmp_path / "b.safetensors"))
     with pytest.raises(
-        UserError, match=r"--map bb: no such map in .*did you mean b.; there are: b"
+        UserError, match=r"--map bb: no such map in .*did you mean b.; known maps: b"
     ):
         find_map(tmp_path, "bb")
     with pytest.raises(UserError, match=r"--map ./b: no such file"):
@@ -179,7 +179,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"
     held = _status(me)
     refused = _ctl("reset", *me)
-    assert refused.returncode == 1 and "refused: reset: in localise-only no map" in refused.stderr
+    assert refused.returncode == 1 and "refused: reset: the mode is localise-only" in refused.stderr
     assert _expect("resume", *me) == "running\n"
     # a keyframe would come at the latest after four
     run.wait_until(lambda: _frames(me) > held["frames_tracked"] + 8, 60)
