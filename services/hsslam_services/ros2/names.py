@@ -46,7 +46,7 @@ class Qos:
 
 @dataclass(frozen=True)
 class TopicName:
-    """One topic, as `/hsslam/odom`; its message type, as `nav_msgs/msg/Odometry`, and the hash of the type."""
+    """One topic, as `/hsslam/odom`; its message type, as `nav_msgs/msg/Odometry`, and the type's hash."""
 
     topic: str
     message: str

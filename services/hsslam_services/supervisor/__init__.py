@@ -1,1 +1,1 @@
-"""One run, from preparation to the orderly end."""
+"""Runs a service, from preparation to the orderly end."""

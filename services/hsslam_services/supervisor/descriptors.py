@@ -1,9 +1,9 @@
-"""How many files and sockets the supervisor may have open: apart as it changes a limit of the process."""
+"""The limit of open files and sockets of the supervisor."""
 
 import contextlib
 import resource
 
-_WANTED = 65_536  # the hard limit may be a billion, which some programs walk through
+_WANTED = 65_536  # the hard limit may be a billion, and some programs loop over all descriptors
 _MOST_SESSIONS = 1000
 _DESCRIPTORS_PER_SESSION = 4  # of which a session takes one
 
@@ -18,7 +18,7 @@ def allow_descriptors() -> None:
 
 
 def most_sessions() -> int:
-    """How many zenoh sessions the router takes, so that descriptors are left to start processes with."""
+    """Most zenoh sessions of the router, so that descriptors remain to start processes."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return (
         _MOST_SESSIONS

@@ -1,4 +1,4 @@
-"""The run before in the same folder: still at work, being saved, to be kept aside, or to be replaced."""
+"""The previous run in the same folder: waits until it is saved, then sets its results aside."""
 
 import sys
 import time
@@ -19,35 +19,35 @@ _POLL_S = 0.05
 
 
 def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
-    """Return when no process of an earlier run writes to the folder any more.
+    """Wait until no process of an earlier run writes to the folder.
 
     Raises:
-        UserError: a run is going on there, or its results are not saved in time.
+        UserError: another run uses the folder, or its results are not saved in time.
         KeyboardInterrupt: cancelled while it waits.
     """
     try:
         arena_dir = Path(RunInfo.read(run_dir).arena_dir)
     except UserError:
-        return  # of another version: none of ours writes there
+        return  # no run, or of another version: no process of ours writes there
     if not arena_dir.exists():
         return
     if owner_lives(arena_dir):
-        raise UserError(f"--out {run_dir}: a run is going on there: expected another folder")
+        raise UserError(f"--out {run_dir}: in use by another run: expected another folder")
     _wait_for_rescue(run_dir, arena_dir, is_cancelled)
 
 
 def set_earlier_run_aside(run_dir: Path) -> ReplacedResults:
-    """Make room for a run: the results of one that ended in order are kept until the new one has poses,
-    those of another for good.
+    """Make room for a run: keep the results of the previous run until the new run has poses, or for good if
+    the previous run did not end in order.
 
     Raises:
-        OSError: the folder does not allow it.
+        OSError: the folder is not writable.
     """
     ended_in_order = read_summary(run_dir).get("exit_code") in [int(code) for code in _REPLACED]
     results = ReplacedResults(run_dir)
     results.set_aside()
     if not ended_in_order and (name := results.keep()):
-        text = f"the run before did not end in order: its results are in {name}"
+        text = f"the previous run did not end in order: its results are in {name}"
         print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)
     return results
 
@@ -55,26 +55,24 @@ def set_earlier_run_aside(run_dir: Path) -> ReplacedResults:
 def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], bool]) -> None:
     """The watchdog of the earlier run owns the arena while it saves."""
     deadline_s = time.monotonic() + _LONGEST_RESCUE_S
-    is_told = False
+    is_reported = False
     while not _is_left(arena_dir):
-        if not is_told:
-            is_told = True
-            text = (
-                "the run before was killed: its results are being saved, this run starts after that"
-            )
+        if not is_reported:
+            is_reported = True
+            text = "the previous run was killed: its results are being saved before this run starts"
             print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)
         if is_cancelled():
             raise KeyboardInterrupt
         if time.monotonic() > deadline_s:
             raise UserError(
-                f"--out {run_dir}: the results of the run before are still being saved: "
+                f"--out {run_dir}: the results of the previous run are still being saved: "
                 "expected another folder"
             )
         time.sleep(_POLL_S)
 
 
 def _is_left(arena_dir: Path) -> bool:
-    """Whether no process saves from the arena any more: it is gone, or kept for the user."""
+    """Whether no process saves from the arena any more: the arena is gone, or kept for the user."""
     try:
         with try_own(arena_dir) as is_free:
             return is_free and is_marked(arena_dir)

@@ -1,4 +1,4 @@
-"""One run at a time in a run folder; alone, as both the preparation of a run and its end need it."""
+"""A lock that allows one run at a time in a run folder."""
 
 import contextlib
 import fcntl
@@ -12,7 +12,7 @@ class FolderClaim:
     """A lock on a run folder, which the kernel frees when this process dies.
 
     Raises:
-        UserError: another process has it.
+        UserError: another process holds the lock.
         OSError: the folder cannot be opened.
     """
 
@@ -23,12 +23,12 @@ class FolderClaim:
         except BlockingIOError:
             os.close(self._fd)
             raise UserError(
-                f"--out {run_dir}: a run is going on there: expected another folder"
+                f"--out {run_dir}: in use by another run: expected another folder"
             ) from None
         except OSError:
             pass  # a file system without locks
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the lock."""
         with contextlib.suppress(OSError):
             os.close(self._fd)

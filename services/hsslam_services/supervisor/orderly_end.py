@@ -1,4 +1,4 @@
-"""The orderly end of a run: processes end stage by stage, each artefact is saved by a step of its own."""
+"""The orderly end of a run: ends processes stage by stage and saves each artefact in a separate step."""
 
 import math
 import time
@@ -28,7 +28,7 @@ from hsslam_services.log.parts import parts
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 
-_LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may be one that cannot be tracked
+_LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may never come
 
 
 @dataclass
@@ -36,11 +36,11 @@ class OrderlyEnd:
     """Ends a run: camera, tracker, trajectories, BA, mapper, map, mesher, mesh, log, evaluation.
 
     `turn()` is one turn of the supervisor's loop; `run_alone(module, is_cancelled)` runs a process to its
-    end, or until it is cancelled, and returns "" or what went wrong; `signals()` is how many stop signals
-    have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
-    `not_saved` has a line for each artefact that is missing, `not_evaluated` what went wrong with the
-    evaluation, which costs no artefact. `done_s`: when each process was no
-    longer waited for and each artefact was first saved, s since the end began.
+    end, or until it is cancelled, and returns "" or the error; `signals()` is the number of stop signals so
+    far. After the second signal only the trajectories are still saved, if they are not saved yet.
+    `not_saved` has the error of each missing artefact, `not_evaluated` the error of the evaluation, which
+    is no artefact. `done_s`: when each process had ended and each artefact was first saved, s since the
+    begin of the end.
     """
 
     run: RunInfo
@@ -56,7 +56,7 @@ class OrderlyEnd:
     _begun_s: float = field(default_factory=time.monotonic)
 
     def to_the_end(self) -> None:
-        """Do all steps; one that fails does not cost the others."""
+        """Do all steps; if one fails, the others still run."""
         map_state = MapState(self.run.arena_dir)
         map_state.stopped_ns = time.monotonic_ns()
         self._stop(CAMERA_STAGE)
@@ -64,7 +64,7 @@ class OrderlyEnd:
         self._stop(TRACKER_STAGE)
         self._save("trajectories", TRAJECTORY_SAVER, patience=2 if self.state.tracked else 1)
         saved_at = self._pose_version()
-        for name in ("global_ba", "mesher"):  # they end while the map is saved a first time
+        for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
         if math.isfinite(self.run.options.finish_budget_s):
             begun_ns = time.monotonic_ns()
@@ -83,7 +83,7 @@ class OrderlyEnd:
             self._evaluate()
 
     def miss(self, artefact: str, why: str) -> None:
-        """Note and report that something is not saved."""
+        """Note and report that an artefact is not saved."""
         self.not_saved[artefact] = why
         self.report(f"{artefact} not saved: {why}")
 
@@ -98,7 +98,7 @@ class OrderlyEnd:
             self._done(child.spec.name)
 
     def _drain(self) -> None:
-        """Wait for the answer to the last frame that the source has sent."""
+        """Wait for the pose of the last frame that the source has sent."""
         deadline_s = time.monotonic() + _LONGEST_DRAIN_S
         while time.monotonic() < deadline_s and self.signals() < 2:
             self.turn()
@@ -109,7 +109,7 @@ class OrderlyEnd:
                 return
 
     def _save(self, artefact: str, module: str, patience: int = 1) -> None:
-        """What failed before, as the disk was full, is missing until it is saved whole."""
+        """Run a saver; an artefact that failed before, as on a full disk, is no longer missing on success."""
         error = self._step(artefact, module, patience)
         if error:
             self.miss(artefact, error)
@@ -117,14 +117,14 @@ class OrderlyEnd:
             self.not_saved.pop(artefact, None)
 
     def _evaluate(self) -> None:
-        """Nothing is lost without it: the figures can be had from what is saved."""
+        """Run the evaluator; if it fails, `hsslam-eval` can evaluate the saved results later."""
         self.not_evaluated = self._step("evaluation", EVALUATOR) or ""
         if self.not_evaluated:
             again = f"hsslam-eval {self.run.path} does it again"
             self.report(f"not evaluated: {self.not_evaluated}; {again}")
 
     def _step(self, what: str, module: str, patience: int = 1) -> str | None:
-        """Run a process to its end; returns "" or what went wrong, None if more signals have cancelled it."""
+        """Run a process to its end; returns "" or the error, None if more than `patience` signals came."""
         if self.signals() > patience:
             return None
         error = self.run_alone(module, lambda: self.signals() > patience)
@@ -136,7 +136,7 @@ class OrderlyEnd:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))
 
     def _check_log(self) -> None:
-        """The recorder saves the log; what it leaves says whether the log is whole."""
+        """Check by the recorder's result that the log is complete."""
         recorder = self.children["recorder"]
         has_begun = recorder.health is not None or recorder.restarts or recorder.state == "failed"
         if self.signals() > 1 or not has_begun:
@@ -147,14 +147,14 @@ class OrderlyEnd:
         elif not log:
             why = "not finished"
         elif not log["complete"]:
-            why = "the disk was full, and what it refused is lost"
+            why = "the disk was full, and some messages are lost"
         else:
             return
         helps = f"; hsslam-log recover {self.run.path} makes what is there readable"
         self.miss("log", why + helps if parts(self.run.path) else why)
 
     def _pose_version(self) -> int:
-        """How often keyframe poses were corrected; -1 without keyframes."""
+        """Number of corrections of keyframe poses; -1 without keyframes."""
         try:
             return KeyframeStore(ArenaView(Path(self.run.arena_dir))).pose_version
         except (KeyError, OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Everything a run needs before its processes start; whatever is missing is one line, at once."""
+"""Prepares a run before its processes start; an error is one line, at once."""
 
 import contextlib
 import os
@@ -39,7 +39,7 @@ from hsslam_services.supervisor.router import RunRouter, open_run_router
 
 @dataclass(frozen=True)
 class Prepared:
-    """The open resources of a run, and what to tell the user: text, level."""
+    """The open resources of a run, and notices for the user: text, level."""
 
     info: RunInfo
     claim: FolderClaim
@@ -50,7 +50,7 @@ class Prepared:
     notices: tuple[tuple[str, str], ...]
 
     def give_back(self) -> None:
-        """The run is refused: its folder is as it was before."""
+        """Restore the run folder as it was before this run, which is refused."""
         _give_back(self.replaced)
 
     def close(self) -> None:
@@ -61,9 +61,9 @@ class Prepared:
 
 
 def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared:
-    """Make the run folder, listen, make the arena, write run.json.
+    """Make the run folder, make the arena, open the router, write run.json.
 
-    Arenas whose run and watchdog are dead are saved and removed by a watchdog beside this run.
+    Starts a watchdog for each arena whose run and watchdog are dead; it saves and removes the arena.
 
     Raises:
         UserError: no permission for the folder, port taken, no shared memory, a package is missing.
@@ -86,7 +86,8 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
         skipped = [
-            (f"{path}: of another user, or a link: skipped", "info") for path in foreign_arenas()
+            (f"{path}: skipped: another user owns it, or it is a link", "info")
+            for path in foreign_arenas()
         ]
         repeated = [(text, "warning") for text in _repeated_effects(options)]
         router = router._replace(notices=(*router.notices, *skipped, *repeated))
@@ -124,7 +125,8 @@ def _repeated_effects(options: ServeOptions) -> list[str]:
 
 
 def _save_dead_arenas() -> None:
-    """Let a watchdog save each; if the run folder cannot be written, the arena is kept for a rescue."""
+    """Start a watchdog for each dead arena; it saves the results. If the run folder is not writable, keep the
+    arena for `hsslam-serve rescue`."""
     for arena_dir in remove_dead_arenas():
         with contextlib.suppress(OSError):  # another run saves it, or its memory is full
             run_dir = run_dir_of(arena_dir)
@@ -136,14 +138,14 @@ def _save_dead_arenas() -> None:
 
 
 def _kept_arenas() -> Iterator[tuple[str, str]]:
-    """One notice for each arena that holds what is not on disk."""
+    """One notice for each arena that holds unsaved results."""
     for arena_dir in kept_arenas():
         text = f"{arena_dir} holds results that are not saved: hsslam-serve rescue {arena_dir}"
         yield text, "warning"
 
 
 def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
-    """The run folder, made, and claimed for this run; without a name, one that is new."""
+    """Make the run folder and lock it for this run; without --out, a new folder."""
     source = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
     name = options.out or f"runs/{source}-{time.strftime('%Y%m%d-%H%M%S')}"
     run_dir = user_path(name).absolute()
@@ -159,7 +161,7 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
 
 
 def _expect_utf8(options: ServeOptions, run_dir: Path) -> None:
-    """All of it goes into run.json."""
+    """Raise UserError if a value is not UTF-8: all go into run.json."""
     try:
         msgspec.json.encode((str(run_dir), options))
     except UnicodeEncodeError as error:
@@ -168,7 +170,7 @@ def _expect_utf8(options: ServeOptions, run_dir: Path) -> None:
 
 
 def _new_folder(wanted: Path) -> Path:
-    """Make a folder of this name, or with a number behind it if another run has taken the name."""
+    """Make a folder of this name; append a number if another run has taken the name."""
     wanted.parent.mkdir(parents=True, exist_ok=True)
     path, number = wanted, 1
     while True:
@@ -182,7 +184,7 @@ def _new_folder(wanted: Path) -> Path:
 
 
 def _expect_room_for_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
-    """A folder that is not empty must be that of an earlier run; waits for its end."""
+    """Wait until an earlier run in the folder is saved; UserError if the folder holds other files."""
     try:
         wait_for_earlier_run(run_dir, is_cancelled)
         ReplacedResults(run_dir).recover()
@@ -193,7 +195,7 @@ def _expect_room_for_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> Non
 
 
 def _expect_inputs_elsewhere(options: ServeOptions) -> None:
-    """The results of an earlier run are removed: what this run reads must not be among them."""
+    """Raise UserError if an input of this run lies in its run folder, whose old results are removed."""
     log = log_place(options.source)
     saved = find_map(options.maps, options.map) if options.map else None
     if not options.out:
@@ -211,7 +213,9 @@ def _expect_inputs_elsewhere(options: ServeOptions) -> None:
 
 def _expect_run_folder(run_dir: Path) -> None:
     if not (run_dir / "run.json").exists():
-        raise UserError(f"--out {run_dir}: holds other files: expected a new folder or an old run")
+        raise UserError(
+            f"--out {run_dir}: holds other files: expected a new folder or a run folder"
+        )
 
 
 def _remove_if_empty(run_dir: Path) -> None:
@@ -220,7 +224,7 @@ def _remove_if_empty(run_dir: Path) -> None:
 
 
 def _give_back(replaced: ReplacedResults) -> None:
-    with contextlib.suppress(OSError):  # else the next run in this folder does
+    with contextlib.suppress(OSError):  # else the next run in this folder gives them back
         replaced.give_back()
 
 

@@ -1,4 +1,4 @@
-"""The router of a run: a socket for processes of this user, and for others a port that is asked for."""
+"""The router of a run: a socket for processes of this user, and an optional port for other programs."""
 
 import ipaddress
 from pathlib import Path
@@ -23,8 +23,8 @@ _OUTSIDERS = (
     {"id": "news", "messages": ["put", "delete"], "key_exprs": ["**", "**/@adv/**"]},
     {"id": "history", "messages": ["query"], "key_exprs": ["**/@adv/**"]},  # and the replies
 )
-# One that reads nothing, or too slowly, costs the others a few ms once, and then misses messages. What it
-# had to get it asks for again (history of the topic). Answers to requests still wait for it.
+# A client that reads too slowly delays the others by a few ms once, and then misses messages. It can ask for
+# those with a history again. Answers to its requests still wait for it.
 _BRIEF_WAITS: dict[str, object] = {
     "qos/network": [{**rule, **_OVERWRITTEN} for rule in _OUTSIDERS],
     f"{_QUEUE}/congestion_control/drop/wait_before_drop": 1_000,  # us
@@ -33,7 +33,7 @@ _BRIEF_WAITS: dict[str, object] = {
 
 
 class RunRouter(NamedTuple):
-    """The open router, where processes of this run find it, and what to tell the user: text, level."""
+    """The open router, its endpoint for processes of this run, and notices for the user: text, level."""
 
     session: zenoh.Session
     endpoint: str
@@ -42,9 +42,9 @@ class RunRouter(NamedTuple):
 
 
 def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
-    """A socket in the arena's folder for processes of this user; a TCP port only if it is asked for.
+    """Open a socket in the arena's folder for processes of this user, and a TCP port if an option needs one.
 
-    Without `security` the port is open to whoever reaches it, with it to certificates of its CA (mTLS).
+    Without `security` the port accepts every client, with it only certificates of its CA (mTLS).
 
     Raises:
         UserError: the port is taken, or the certificate cannot be used.
@@ -76,7 +76,7 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
 
 
 def _wanted_port(options: ServeOptions) -> str:
-    """What the error of a taken port advises."""
+    """The advice in the error of a taken port."""
     if not options.has_usual_port:
         return "a free port"
     is_of_ros = options.ros_domain is not None and not options.ros2.connect
@@ -85,7 +85,7 @@ def _wanted_port(options: ServeOptions) -> str:
 
 
 def exposure(bind: str) -> str:
-    """What is wrong with listening there without security; empty for loopback."""
+    """The warning about listening at `bind` without security; empty for loopback."""
     try:
         is_loopback = ipaddress.ip_address(bind).is_loopback
     except ValueError:
@@ -93,6 +93,6 @@ def exposure(bind: str) -> str:
     if is_loopback:
         return ""
     return (
-        f"--bind {bind} without --security: whoever reaches this port can watch, feed false frames "
-        "and stop the run; hsslam-certs makes certificates"
+        f"--bind {bind} without --security: every machine that reaches this port can watch the run, send "
+        "false frames and stop it; hsslam-certs makes certificates"
     )

@@ -1,4 +1,4 @@
-"""The processes of a prepared run, kept running until there is a reason to stop, then ended in order."""
+"""The loop of the supervisor: keeps the processes of a run running, and ends them in order."""
 
 import datetime
 import time
@@ -34,14 +34,14 @@ from hsslam_services.supervisor.stop_reason import StopReason, of_processes, use
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
-_LONGEST_REQUEST_S = 60.0  # for what a client has asked for when the run ends
+_LONGEST_REQUEST_S = 60.0  # for a save or reset in progress when the run ends
 
 
 class RunLoop:
-    """Runs until the source ends, a stop signal, or a failure that ends it.
+    """Runs until the source ends, a stop signal comes, or a failure ends the run.
 
-    `signals()`: how many stop signals have come; the first stops in order, the second at once.
-    `not_saved`: a line for each artefact that is missing at the end.
+    `signals()`: number of stop signals so far; the first stops in order, the second at once.
+    `not_saved`: the error of each artefact that is not saved.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class RunLoop:
         """Run, stop in order, save; returns the exit code.
 
         Raises:
-            UserError: bad input, found before the first map.
+            UserError: the input is bad; found before the first map.
         """
         with self._status:
             for text, level in self._notices:
@@ -90,11 +90,11 @@ class RunLoop:
                 self._status.say("compiling kernels for this machine: once, about a minute")
                 if error := self._run_first(WARM_UP):
                     self._report(f"warm_up: {error}")
-            if not self._is_to_end():  # else savers would wait for kernels that it compiles
+            if not self._should_end():  # else savers would wait for kernels that it compiles
                 self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_first(MAP_LOADER)):
                 raise UserError(error)
-            if not self._is_to_end():
+            if not self._should_end():
                 self._gateway.is_loading = False
                 for child in self._children.values():
                     child.wanted = not child.spec.is_late
@@ -105,7 +105,7 @@ class RunLoop:
         return self._exit_code(reason)
 
     def kill_all(self) -> None:
-        """End every process that still runs; what was said is written then."""
+        """Kill every process that still runs, and write the remaining output."""
         self._guard.run("requests", self._gateway.close)
         for child in self._children.values():
             self._guard.run(child.spec.name, child.kill)
@@ -115,7 +115,7 @@ class RunLoop:
         """Tick until there is a reason to stop."""
         while True:
             self._tick()
-            self._want_late_ones()
+            self._start_late_processes()
             if self._signals():
                 return StopReason("interrupted")
             if self._gateway.wants_stop:
@@ -128,8 +128,8 @@ class RunLoop:
             ):
                 return reason
 
-    def _want_late_ones(self) -> None:
-        """Once tracker and mapper take work; before that they would only slow the start."""
+    def _start_late_processes(self) -> None:
+        """Start the other processes once tracker and mapper run; earlier they would slow the start."""
         if self._gateway.is_resetting:
             return
         if all(c.state == "running" for c in self._children.values() if c.spec.ends_run):
@@ -137,23 +137,23 @@ class RunLoop:
                 child.wanted = True
 
     def _tick(self) -> None:
-        """One turn of the restart loop: hear, act, show. What raises is reported, the rest is done."""
+        """One turn of the loop: receive, act, show. A part that raises is reported; the others still run."""
         guard = self._guard
-        guard.run("messages", self._hear, is_needed=True)
+        guard.run("messages", self._receive, is_needed=True)
         for child in self._children.values():
             guard.run(child.spec.name, child.tick, is_needed=True)
         guard.run("fork server", self._fork_client.tick)
-        guard.run("news", self._tell_news)
+        guard.run("news", self._report_news)
         guard.run("results of the run before", self._replace_results)
-        guard.run("memory", self._look_at_memory)
+        guard.run("memory", self._measure_memory)
         state, memory_mb = self._listener.state, self._memory.total_mb
         guard.run("requests", lambda: self._gateway.tick(state, self._children, memory_mb))
         guard.run("status", lambda: self._status.show(state, self._children, memory_mb))
-        guard.run("metrics", self._measure)
+        guard.run("metrics", self._update_metrics)
         is_starting = any(child.state == "starting" for child in self._children.values())
         time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         heartbeats, events = self._listener.listen()
         for health in heartbeats:
             if health.process in self._children:
@@ -162,7 +162,7 @@ class RunLoop:
             if event.process != "supervisor":
                 self._status.say(f"{event.process}: {event.text}", event.level)
 
-    def _tell_news(self) -> None:
+    def _report_news(self) -> None:
         if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
             self._report(warning)
         for reporter in (*self._children.values(), self._fork_client):
@@ -170,20 +170,20 @@ class RunLoop:
                 self._report(reporter.news.pop(0))
 
     def _replace_results(self) -> None:
-        """The run goes on, so nothing needs the results of the run before any more."""
+        """Remove the results of the previous run as soon as this one cannot be refused any more."""
         if not self._may_be_refused:
             self._replaced.remove()
 
     @property
     def _may_be_refused(self) -> bool:
-        """Whether input that turns out to be bad refuses the run: there is no more than a first pose."""
+        """Whether bad input still refuses the run: there is no map and at most one pose."""
         return self._listener.state.map is None and not self._has_poses()
 
-    def _look_at_memory(self) -> None:
+    def _measure_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
         self._memory.look(heard_mb, self._fork_client.pid)
 
-    def _measure(self) -> None:
+    def _update_metrics(self) -> None:
         self._metrics.tick(
             lambda: take_snapshot(
                 self._gateway.status(self._listener.state, self._children, self._memory.total_mb),
@@ -225,7 +225,7 @@ class RunLoop:
         self.not_saved = end.not_saved
 
     def _wait_while(self, is_busy: Callable[[], bool]) -> None:
-        """Let a client's request be done, within limits."""
+        """Let a client's request finish, for a limited time."""
         deadline_s = time.monotonic() + _LONGEST_REQUEST_S
         while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
@@ -246,23 +246,23 @@ class RunLoop:
             self._status.say(evaluation_line(evaluation))
 
     def _run_alone(self, module: str, is_cancelled: Callable[[], bool]) -> str:
-        """Run a process to its end while the others are served; returns "" or what went wrong."""
+        """Run a process to its end while the loop goes on; returns "" or the error."""
         timeout_s = one_shot_timeout_s(module, pose_count(Path(self._info.arena_dir)))
         return run_one_shot(
             module, self._info.path, self._tick, is_cancelled, timeout_s, self._fork_client.spawn
         )
 
     def _run_first(self, module: str) -> str:
-        """Run a process before the others; returns what went wrong, "" if the run is to end meanwhile."""
-        error = self._run_alone(module, self._is_to_end)
-        return "" if self._is_to_end() else error
+        """Run a process before the others; returns its error, or "" if the run should end meanwhile."""
+        error = self._run_alone(module, self._should_end)
+        return "" if self._should_end() else error
 
-    def _is_to_end(self) -> bool:
+    def _should_end(self) -> bool:
         """Whether a signal or a client has asked for the end."""
         return self._signals() > 0 or self._gateway.wants_stop
 
     def _exit_code(self, reason: StopReason) -> ExitCode:
-        """What to report to the shell; says which processes were restarted."""
+        """The exit code; prints the restarts and the run folder."""
         code = self._code(reason, is_saved=not self.not_saved)
         if code == ExitCode.CUT_SHORT:
             return code
@@ -278,7 +278,7 @@ class RunLoop:
 
     @property
     def _user_error(self) -> str:
-        """The line of a needed process that has refused its input; "" if there is none."""
+        """The error of a needed process that has refused its input; "" if there is none."""
         return user_error(self._children.values(), self._info.options.pace)
 
     def _code(self, reason: StopReason, *, is_saved: bool) -> ExitCode:

@@ -1,4 +1,4 @@
-"""Why a run ends: the user, the source, or a failure; apart from the loop, which only acts on it."""
+"""Why a run ends: the user, the source, or a failure."""
 
 from collections.abc import Collection
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from hsslam_services.launch.child import Child
 
 
 class StopReason(NamedTuple):
-    """`is_failure`: neither the source nor the user has ended the run."""
+    """Why a run ends; `is_failure`: neither the source nor the user has ended it."""
 
     text: str
     is_failure: bool = False
@@ -16,7 +16,7 @@ class StopReason(NamedTuple):
 def of_processes(
     children: Collection[Child], pace: str, *, has_source_ended: bool
 ) -> StopReason | None:
-    """What the processes and the source give as a reason; None while the run goes on.
+    """The reason by the state of processes and source; None while the run goes on.
 
     `has_source_ended`: the camera, ours or another, has sent its last frame.
     """
@@ -32,7 +32,7 @@ def of_processes(
 
 
 def user_error(children: Collection[Child], pace: str) -> str:
-    """The line of a needed process that has refused its input; "" if there is none."""
+    """The error of a needed process that has refused its input; "" if there is none."""
     for child in children:
         if child.user_error and (child.spec.is_needed(pace) or child.spec.reads_source):
             return child.user_error

@@ -1,4 +1,4 @@
-"""The supervisor: router, arena and processes of one run, from the first to the orderly end.
+"""The supervisor: router, arena and processes of one run, from the start to the orderly end.
 
 Subscribes: in/end, out/correction, out/keyframe, out/map, out/pose, sys/health, sys/event
 Publishes: sys/event, sys/hold, sys/stop
@@ -28,7 +28,7 @@ from hsslam_services.supervisor.run_loop import RunLoop
 
 
 class Supervisor:
-    """Runs until the source ends, a signal, or a failure that ends it; `run` gives the exit code.
+    """Runs until the source ends, a signal comes, or a failure ends the run; `run` returns the exit code.
 
     The first SIGINT, SIGTERM or SIGHUP stops in order, the second SIGINT or SIGTERM at once.
     """
@@ -40,13 +40,13 @@ class Supervisor:
     def run(self) -> ExitCode:
         """Start everything, keep it running, stop in order.
 
-        If this raises anything but a `UserError`, or this process is killed, the watchdog saves what
-        the arena holds.
+        If this raises anything but a `UserError`, or this process is killed, the watchdog saves the results
+        in the arena.
 
         Raises:
             UserError: the run cannot start.
         """
-        check_source_exists(self._options)  # before the signals are ours: it may have to be fetched
+        check_source_exists(self._options)  # before signals are caught: it may start a download
         hear_stop_signals(self._signalled)
         allow_descriptors()
         prepared = prepare(self._options, lambda: self._signals > 0)
@@ -81,10 +81,10 @@ class Supervisor:
             if is_in_order and watchdog is not None:
                 expect_end(
                     watchdog
-                )  # else it saves what the arena holds, and outlives this process
+                )  # else it saves the results in the arena, and outlives this process
 
     def _free(self, arena: ArenaFolder, info: RunInfo, not_saved: Mapping[str, str]) -> None:
-        """Remove the arena, but not if it holds what is missing in the run folder."""
+        """Remove the arena, unless it holds results that are not saved."""
         kept = [artefact for artefact in ARENA_ARTEFACTS if artefact in not_saved]
         if not kept or not pose_count(arena.path):
             arena.remove()
@@ -94,10 +94,10 @@ class Supervisor:
         say_at_end(text)
 
     def _keep_replaced(self, prepared: Prepared) -> None:
-        """They are still there if the run ended before it had poses."""
-        with contextlib.suppress(OSError):  # else the next run in this folder does
+        """Keep the results of the previous run if this run ended before it had poses."""
+        with contextlib.suppress(OSError):  # else the next run in this folder keeps them
             if name := prepared.replaced.keep():
-                text = f"the results of the run before are in {name}: this one has no poses"
+                text = f"this run has no poses: the results of the previous run are in {name}"
                 say_at_end(f"{prepared.info.run_dir}: {text}")
 
     def _signalled(self, count: int) -> None:

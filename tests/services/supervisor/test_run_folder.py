@@ -101,7 +101,7 @@ def test_two_runs_at_once_have_two_folders(tmp_path: Path, monkeypatch: pytest.M
         names = [run.info.path.name for run in runs]
         first = "synth-room-20260101-000000"
         assert names == [first, f"{first}-2", f"{first}-3"]
-        with pytest.raises(UserError, match=rf"--out .*{first}: a run is going on there: expected"):
+        with pytest.raises(UserError, match=rf"--out .*{first}: in use by another run: expected"):
             _prepared("--out", f"runs/{first}")
         assert (tmp_path / "runs" / first / "run.json").exists()
     finally:
@@ -136,7 +136,7 @@ def test_the_claim_of_a_dead_process_is_free(tmp_path: Path):
         [sys.executable, "-c", claim, str(tmp_path)], stdout=subprocess.PIPE, text=True
     ) as other:
         assert other.stdout is not None and other.stdout.readline() == "mine\n"
-        with pytest.raises(UserError, match="a run is going on there"):
+        with pytest.raises(UserError, match="in use by another run"):
             FolderClaim(tmp_path)
         other.kill()
         other.wait()
