@@ -1,1 +1,1 @@
-"""The rerun scene: what the viewer and run.rrd show."""
+"""Draws the rerun scene for the viewer and run.rrd, and the Foxglove layer of the log."""

@@ -22,16 +22,16 @@ _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
 _STUCK_S = 3.0  # in the drawing of one message
 _FLUSH_S = 2.0  # at the end
-_START_AFTER_END_S = 3.0  # a viewer that has not started by then gets nothing
+_START_AFTER_END_S = 3.0  # a viewer that starts later than this after the end gets no data
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """The least time between what is drawn of a kind; poses and blocks of the mesh are drawn together.
+    """Least time between two drawings of images, of mesh blocks and of poses.
 
-    `flush_s`: what is drawn of an entity leaves as a chunk this often. The end of a file lists all its
-    chunks, so rerun keeps 2.4 kB of each in memory until then.
-    `again_s`: what was drawn once is drawn again this often, as a server forgets what is old.
+    `flush_s`: interval of chunks. The end of a file lists all its chunks, so rerun keeps 2.4 kB of each in
+    memory until then.
+    `again_s`: interval of drawing the whole scene again, as a server drops old data.
     """
 
     images_s: float
@@ -43,15 +43,15 @@ class Intervals:
 
 @dataclass(frozen=True)
 class NextFile:
-    """Stands among the messages at which a new file begins."""
+    """A mark in the queue: a new file begins here."""
 
     rrd: Path
 
 
 class Drawing(threading.Thread):
-    """One recording stream, its queue and the thread between them.
+    """Draws a queue of messages into one recording stream.
 
-    With `watch`, of a live viewer, the thread waits for the viewer to start; a file opens at once.
+    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Drawing(threading.Thread):
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
-        self._drawn_s = math.inf  # the thread has not begun
+        self._drawn_s = math.inf  # nothing drawn yet
         self._report, self._watch = report, watch
         self.images_s = intervals.images_s
         self._again_s = intervals.again_s
@@ -111,7 +111,7 @@ class Drawing(threading.Thread):
 
     def run(self) -> None:
         if self._watch is not None:
-            if not self._watch.has_begun(self._may_wait_no_longer):
+            if not self._watch.has_begun(self._has_waited_too_long):
                 self._gone = True
                 self._stream.disconnect()
                 return
@@ -135,8 +135,8 @@ class Drawing(threading.Thread):
                 self._stream.flush(timeout_sec=_FLUSH_S)
         self._stream.disconnect()
 
-    def _may_wait_no_longer(self) -> bool:
-        """Whether the end has come some seconds ago: a short run still shows what it has."""
+    def _has_waited_too_long(self) -> bool:
+        """Whether the run ended some seconds ago: after a short run the viewer may still start."""
         return time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
     def _begin(self) -> None:
@@ -144,12 +144,12 @@ class Drawing(threading.Thread):
         self._stream.set_sinks(self._sink, default_blueprint=blueprint())
 
     def _begin_file(self, rrd: Path) -> None:
-        """Go on in this file, or in the one before, if this one cannot be written."""
+        """Go on in this file; if it cannot be written, in the previous one."""
         self._scene.end_file()
         try:
             self._stream.set_sinks(rr.FileSink(rrd), default_blueprint=blueprint())
         except RuntimeError as error:
-            self._report("warning", f"{rrd}: {error}; the file before goes on")
+            self._report("warning", f"{rrd}: {error}; the recording goes on in the previous file")
             return
         self._scene.begin_file()
 
@@ -162,7 +162,7 @@ class Drawing(threading.Thread):
             return self._others.popleft() if self._others else self._frames.popleft()
 
     def _is_due(self, message: Message | NextFile) -> bool:
-        """Thin out images, so that the file stays small."""
+        """Whether to draw a message: images are thinned out, so that the file stays small."""
         if isinstance(message, messages.Frame):
             if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:
                 return False

@@ -1,4 +1,4 @@
-"""What Foxglove draws of a run, beside the run's own messages in the log: when which of it is written."""
+"""Writes Foxglove messages beside the run's own messages in the log."""
 
 import time
 from collections.abc import Callable
@@ -21,11 +21,11 @@ _BLOCKS_AT_ONCE = 128  # 20 ms; frames wait meanwhile
 
 
 class FoxgloveLayer:
-    """Poses, images and path at once; the grid once a second, each block of the mesh that changed every 10 s.
+    """Writes poses and images at once, the grid once a second, changed blocks of the mesh every 10 s.
 
-    `write(message, log_ns, stamp_ns)` puts a message of the layer into the log. Its time there is that of its
-    arrival, and of its writing for the mesh: Foxglove removes what is older than the removal. The stamp is
-    the sensor's, whose clock may be any.
+    `write(message, log_ns, stamp_ns)` writes a message of the layer to the log. `log_ns` is the time of
+    arrival; for the mesh it is the time of writing, as Foxglove removes entities that are older than a
+    deletion. `stamp_ns` is the stamp of the sensor, on any clock.
     """
 
     def __init__(self, write: Callable[[VizMessage, int, int], None]) -> None:
@@ -36,7 +36,7 @@ class FoxgloveLayer:
         self._epochs = EpochOrder()
 
     def add(self, message: Message, arrival_ns: int) -> None:
-        """Write what a message of the run looks like, or keep it for later."""
+        """Write the Foxglove messages of a message, or keep its blocks for later."""
         if self._epochs.begins_with(message):
             self._blocks.forget_before(self._epochs.now)
             self._clear()
@@ -45,7 +45,7 @@ class FoxgloveLayer:
         if isinstance(message, MeshBlocks):
             self._blocks.add(message)
         if isinstance(message, Mesh):
-            self._blocks.take()  # the mesh of the saver is in their place
+            self._blocks.take()  # the final mesh replaces them
             arrival_ns = time.time_ns()
         if isinstance(message, Grid):
             if 0 <= arrival_ns - self._grid_ns < _GRID_INTERVAL_NS:
@@ -56,7 +56,7 @@ class FoxgloveLayer:
             self._write(viz, arrival_ns, stamp_ns)
 
     def write_blocks(self, at_once: bool = False) -> None:
-        """Write blocks that have changed, if it is time; `at_once`: all of them."""
+        """Write changed blocks if 10 s have passed; `at_once`: write all now."""
         now_s = time.monotonic()
         if not at_once and now_s - self._mesh_s < _MESH_INTERVAL_S:
             return

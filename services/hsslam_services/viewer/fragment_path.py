@@ -1,4 +1,4 @@
-"""Frames of a fragment, which is lost to the map, kept until it joins the map and has a place there."""
+"""Keeps the poses of a fragment until it joins the map."""
 
 from collections.abc import Mapping
 
@@ -8,14 +8,14 @@ from hsslam_proto.messages import Keyframe, Pose
 from hsslam_proto.pose_codec import in_joined_keyframe, pose_matrix
 from hsslam_services.viewer.path_line import PathLine, PathPose, quality_color
 
-_MOST_POSES = 1024  # of a longer fragment every n-th frame is kept
+_MOST_POSES = 1024  # a longer fragment is thinned
 
 
 class FragmentPath:
-    """The frames of fragment `number`, and the keyframes that the map has from it, in any order.
+    """The poses of fragment `number`, and its keyframes in the map, in any order.
 
-    `has_news`: whether the fragment has joined, and what it has since then was not taken with `placed`.
-    `stretch`: the line from where the camera was lost to where it was found.
+    `has_news`: whether the fragment has joined the map, and has changed since the last call of `placed`.
+    `stretch`: the line from the place where the camera was lost to the place where it was found.
     """
 
     def __init__(self, number: int) -> None:
@@ -29,11 +29,11 @@ class FragmentPath:
 
     @property
     def keyframes(self) -> set[int]:
-        """Those of the map that came from the fragment, by id."""
+        """Ids of the keyframes of the map that came from the fragment."""
         return set(self._T_world_keyframe)
 
     def add(self, pose: Pose) -> None:
-        """One more frame."""
+        """Add a frame."""
         if self._seen % self._step == 0:
             self._poses.append(pose)
             self.has_news = bool(self._keyframes)
@@ -43,7 +43,7 @@ class FragmentPath:
             self._step *= 2
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
-        """The map has this keyframe from the fragment; older logs do not tell in the place of which."""
+        """Add a keyframe of the map from the fragment; old logs lack its number in the fragment."""
         if keyframe.fragment_keyframe < 0:
             return
         self._keyframes[keyframe.fragment_keyframe] = keyframe
@@ -51,12 +51,12 @@ class FragmentPath:
         self.has_news = bool(self._poses)
 
     def correct(self, T_world_keyframe: Mapping[int, np.ndarray]) -> None:
-        """These keyframes are there now."""
+        """Set the new poses [4, 4] of these keyframes."""
         for k in self._T_world_keyframe.keys() & T_world_keyframe.keys():
             self._T_world_keyframe[k] = T_world_keyframe[k]
 
     def placed(self) -> list[PathPose]:
-        """The frames where they lie in the map."""
+        """The poses of the fragment in the map."""
         self.has_news = False
         return [self._placed(pose) for pose in self._poses]
 

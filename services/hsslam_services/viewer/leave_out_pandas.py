@@ -1,4 +1,4 @@
-"""Keeps pandas out of a process that draws; alone, as it must come before the first use of rerun."""
+"""Keeps pandas out of a process that draws; call it before the first use of rerun."""
 
 import sys
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from importlib.machinery import ModuleSpec
 
 
 class _WithoutPandas(MetaPathFinder):
-    """Pandas is not installed, as far as imports can find out."""
+    """Lets imports of pandas fail."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: object = None
@@ -18,9 +18,9 @@ class _WithoutPandas(MetaPathFinder):
 
 
 def leave_out_pandas() -> None:
-    """Let rerun's pyarrow do without pandas in this process.
+    """Prevent pyarrow, which rerun uses, from importing pandas in this process.
 
-    Pyarrow imports it, if it is installed, only to see that a list is no Series: 0.6 s of a core, 1.3 s
-    without bytecode, while the first frames are tracked.
+    Pyarrow would import it only to check that a list is no Series. That takes 0.6 s of a core, 1.3 s without
+    bytecode, during the first frames.
     """
     sys.meta_path.insert(0, _WithoutPandas())

@@ -1,4 +1,4 @@
-"""The mesh in the viewer: an entity for each block of the live mesh, one for the final mesh."""
+"""Draws the mesh in the viewer: an entity for each block of the live mesh, one for the final mesh."""
 
 import numpy as np
 import rerun as rr
@@ -39,13 +39,13 @@ def _mesh3d(mesh: Triangles) -> rr.Mesh3D:
         triangle_indices=mesh.faces,
         vertex_normals=_vertex_normals(mesh.vertices, mesh.faces),
         vertex_colors=mesh.colors,
-        # one looks into a room through the back of its walls
+        # the viewer looks into a room through the back of its walls
         face_rendering=rr.components.MeshFaceRendering.Front,
     )
 
 
 def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals [V, 3] float32, faces weighted by area; the viewer shades only with them."""
+    """Unit normals [V, 3] float32, faces weighted by area; without them the viewer does not shade."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     face_normals = np.cross(b - a, c - a)
     normals = np.zeros_like(vertices)

@@ -11,21 +11,21 @@ from hsslam_proto.pose_codec import pose_matrix
 from hsslam_services.viewer.fragment_path import FragmentPath
 from hsslam_services.viewer.path_line import Color, PathLine, PathPose
 
-_SEGMENT_POSES = 64  # per entity; a pose re-logs its segment only
-_FINE_SEGMENTS = 64  # the newest; of older ones every n-th pose is drawn, in long segments
+_SEGMENT_POSES = 64  # per entity; a pose re-logs only its segment
+_FINE_SEGMENTS = 64  # the newest; older segments are thinned and merged into long ones
 _COARSE_STEP, _COARSE_POSES = 8, 512
-_COARSE_SEGMENTS = 16  # the newest move with their keyframes: half an hour at 30 Hz
-_MOST_STRETCHES, _MOST_FRAGMENTS = 64, 16  # the newest move, too
+_COARSE_SEGMENTS = 16  # the newest, which move with their keyframes: half an hour at 30 Hz
+_MOST_STRETCHES, _MOST_FRAGMENTS = 64, 16  # the newest, which move, too
 _LOST: Color = (255, 60, 60)
 
 
 class RerunPath:
-    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>, a
-    fragment that has joined the map as world/trajectory/fragment/<n>.
+    """Draws poses as world/trajectory/<segment>, gaps of a lost camera as world/lost/<k>, and fragments that
+    have joined the map as world/trajectory/fragment/<n>.
 
-    Only the newest poses are drawn each; older ones as world/trajectory/old/<n>, one of eight. When keyframes
-    are corrected, what was tracked from them moves and is drawn again, but for what is oldest.
-    `is_drawn`: whether it is drawn as it is.
+    It draws each of the newest poses, and one in eight older ones as world/trajectory/old/<n>. When keyframes
+    are corrected, it moves and redraws the poses tracked from them, except the oldest.
+    `is_drawn`: whether the drawing is up to date.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -41,7 +41,7 @@ class RerunPath:
         self._fragment = FragmentPath(0)  # the newest
 
     def add(self, pose: Pose) -> None:
-        """Add a pose; one that is lost to the map has no place there, but if its fragment joins the map."""
+        """Add a pose; a lost pose has no place in the map until its fragment joins the map."""
         if pose.status == "lost":
             if pose.fragment:
                 self._of_fragment(pose.fragment).add(pose)
@@ -61,13 +61,13 @@ class RerunPath:
         self.is_drawn = False
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
-        """If it came from a fragment, that has joined the map."""
+        """Add a keyframe; one of a fragment gives the fragment its place in the map."""
         if keyframe.fragment:
             self._of_fragment(keyframe.fragment).add_keyframe(keyframe)
             self.is_drawn = False
 
     def correct(self, moved: Correction) -> None:
-        """Move what was tracked from these keyframes."""
+        """Move the poses tracked from these keyframes."""
         used = {pose.keyframe for line in self._lines() for pose in line.poses}
         used |= self._fragment.keyframes
         T_world_keyframe = {
@@ -81,7 +81,7 @@ class RerunPath:
         self.is_drawn = False
 
     def draw(self) -> None:
-        """Draw what has changed."""
+        """Draw the changes."""
         if self._fragment.has_news:
             self._place_fragment()
         for line in self._lines():
@@ -89,7 +89,7 @@ class RerunPath:
         self.is_drawn = True
 
     def draw_again(self) -> None:
-        """Draw all that may still move once more, for a file that begins here."""
+        """Draw all lines that may still move again, for a new file."""
         for line in self._lines():
             line.is_drawn = False
         self.draw()
@@ -109,7 +109,7 @@ class RerunPath:
         return self._fragment
 
     def _place_fragment(self) -> None:
-        """Draw the newest fragment where it lies in the map; the camera was lost until there."""
+        """Place the newest fragment in the map; the lost gap before it ends at its first pose."""
         line = PathLine(
             f"world/trajectory/fragment/{self._fragment.number}", self._fragment.placed()
         )
@@ -139,7 +139,7 @@ class RerunPath:
             self._coarsen(self._fine.popleft())
 
     def _coarsen(self, segment: PathLine) -> None:
-        """Let a segment go on as a part of a long one with fewer points."""
+        """Move a segment, thinned, into a long segment."""
         self._stream.log(segment.entity, rr.Clear(recursive=False))
         if len(segment.poses) < 2:
             return
@@ -150,7 +150,7 @@ class RerunPath:
             self._next_old(self._coarse[-1].poses[-1])
 
     def _next_old(self, *first: PathPose) -> None:
-        """Begin a long segment; the oldest one that moved stays as it is drawn."""
+        """Begin a long segment; if there are too many, the oldest stays as drawn."""
         self._coarse[0].draw(self._stream)
         self._coarse.append(self._old())
         self._coarse[-1].add(*first)

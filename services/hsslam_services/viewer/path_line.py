@@ -1,4 +1,4 @@
-"""A line of the viewer through poses: each moves with the keyframe that it was tracked from."""
+"""A line through poses in the viewer; each pose moves with its keyframe."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,12 +26,12 @@ class PathPose(NamedTuple):
 
     t: Vector  # m, world
     color: Color
-    keyframe: int  # that it moves with, -1: none
+    keyframe: int  # the pose moves with it; -1: none
     t_in_keyframe: Vector
 
     @classmethod
     def of(cls, pose: Pose) -> "PathPose":
-        """As published; of older logs, which do not tell where it lies in its keyframe, it does not move."""
+        """The pose as published; it does not move if the message lacks `in_keyframe`, as in old logs."""
         keyframe = pose.keyframe if pose.in_keyframe else -1
         x, y, z = pose.in_keyframe[:3] if pose.in_keyframe else (0.0, 0.0, 0.0)
         return cls(pose.t, quality_color(pose.quality), keyframe, (x, y, z))
@@ -39,21 +39,21 @@ class PathPose(NamedTuple):
 
 @dataclass
 class PathLine:
-    """A piece of the path; drawn as one entity."""
+    """A piece of the path, drawn as one entity."""
 
     entity: str
     poses: list[PathPose] = field(default_factory=list)
     width: float = 1.8  # points of the screen
-    joins: bool = False  # goes on where the one before ends
-    is_drawn: bool = False  # as it is now
+    joins: bool = False  # begins at the end of the line before
+    is_drawn: bool = False  # the drawing is up to date
 
     def add(self, *poses: PathPose) -> None:
-        """Go on to these poses."""
+        """Append these poses."""
         self.poses += poses
         self.is_drawn = False
 
     def draw(self, stream: rr.RecordingStream) -> None:
-        """Draw it, unless it is drawn."""
+        """Draw the line if it has changed."""
         if len(self.poses) > 1 and not self.is_drawn:
             points, colors = [p.t for p in self.poses], [p.color for p in self.poses]
             strips, strip_colors = colored_strips(points, colors)
@@ -63,7 +63,7 @@ class PathLine:
         self.is_drawn = True
 
     def correct(self, T_world_keyframe: Mapping[int, np.ndarray]) -> None:
-        """Take the poses along with these keyframes, which are there now [4, 4]."""
+        """Move the poses with their keyframes to the new poses [4, 4] of these."""
         moved = [i for i, pose in enumerate(self.poses) if pose.keyframe in T_world_keyframe]
         if not moved:
             return
@@ -81,7 +81,7 @@ class PathLine:
 def colored_strips(
     points: list[Vector], colors: list[Color]
 ) -> tuple[list[list[Vector]], list[Color]]:
-    """Lines through the points and their colours: one for each run of poses of equal colour."""
+    """Split the line through the points into one strip for each run of equal colours."""
     strips, strip_colors, end = [], [], 0
     for color, run in groupby(colors[1:]):
         begin, end = end, end + sum(1 for _ in run)
@@ -91,7 +91,7 @@ def colored_strips(
 
 
 def quality_color(quality: float) -> Color:
-    """From orange (few points agree with the map) over yellow to blue (nearly all do)."""
+    """Orange (few points agree with the map) over yellow to blue (nearly all points agree)."""
     for (low, below), (high, above) in pairwise(_QUALITIES):
         if quality < high:
             share = max(quality - low, 0.0) / (high - low)
@@ -101,5 +101,5 @@ def quality_color(quality: float) -> Color:
 
 
 def _packed(colors: list[Color]) -> np.ndarray:
-    """RGBA in one word each, [n] uint32: a third of what the SDK takes for tuples."""
+    """RGBA in one word each, [n] uint32: the SDK takes a third of the time that it takes for tuples."""
     return np.array([r << 24 | g << 16 | b << 8 | 0xFF for r, g, b in colors], np.uint32)

@@ -1,4 +1,4 @@
-"""Poses in the viewer: plots, the camera, and its path."""
+"""Draws poses in the viewer: plots, the camera, and its path."""
 
 import time
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ _MOST_WAITING = 64
 class RerunPoses:
     """Collects poses and draws plots/*, world/camera, world/trajectory and world/lost from them.
 
-    A call of the SDK costs as much for one pose as for ten: `is_due` says when `every_s` has gone by.
+    A call of the SDK costs as much for one pose as for ten, so poses are drawn together every `every_s`.
     """
 
     def __init__(self, stream: rr.RecordingStream, every_s: float) -> None:
@@ -25,12 +25,12 @@ class RerunPoses:
         self._drawn_s = time.monotonic()
         self._waiting: list[Pose] = []
         self._path = RerunPath(stream)
-        self._camera: Pose | None = None  # where it was last
+        self._camera: Pose | None = None  # the last one
         self._tracked_ns = 0
         self._interval_s = 0.0
 
     def add(self, pose: Pose) -> None:
-        """One more to draw."""
+        """Add a pose to draw."""
         self._waiting.append(pose)
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
@@ -38,24 +38,24 @@ class RerunPoses:
         self._path.add_keyframe(keyframe)
 
     def correct(self, moved: Correction) -> None:
-        """Keyframes have moved, and what was tracked from them."""
+        """Move the poses tracked from corrected keyframes."""
         self._take_in()
         self._path.correct(moved)
 
     def is_due(self) -> bool:
-        """Whether something waits, and has for long enough."""
+        """Whether poses wait and `every_s` has passed, or too many wait."""
         late = time.monotonic() - self._drawn_s >= self._every_s
         some_wait = bool(self._waiting) or not self._path.is_drawn
         return (some_wait and late) or len(self._waiting) >= _MOST_WAITING
 
     def draw(self) -> None:
-        """Draw all that wait, each at its own time."""
+        """Draw all waiting poses, each at its own time."""
         self._drawn_s = time.monotonic()
         self._take_in()
         self._path.draw()
 
     def draw_again(self) -> None:
-        """Place the camera where it was last, and as `RerunPath.draw_again`."""
+        """Draw the camera at its last pose and the path again, for a new file."""
         if self._camera is not None:
             at = self._camera
             place = rr.Transform3D(translation=at.t, quaternion=rr.Quaternion(xyzw=at.q))
@@ -63,12 +63,12 @@ class RerunPoses:
         self._path.draw_again()
 
     def begin_path(self) -> None:
-        """Draw what waits; the next pose has nothing to do with those before."""
+        """Draw the waiting poses, and begin a new path."""
         self.draw()
         self._path = RerunPath(self._stream)
 
     def _take_in(self) -> None:
-        """Draw plots and camera of the poses that wait; the path has them then."""
+        """Draw plots and camera of the waiting poses, and add them to the path."""
         poses, self._waiting = self._waiting, []
         self._plot("quality", poses, [pose.quality for pose in poses])
         self._plot("latency_ms", poses, [(pose.publish_ns - pose.stamp_ns) / 1e6 for pose in poses])
@@ -96,7 +96,7 @@ class RerunPoses:
             self._stream.send_columns(f"plots/{name}", _times(poses), columns)
 
     def _fps(self, pose: Pose) -> float:
-        """Running mean up to this pose; 0 for the first."""
+        """Running mean of the frame rate up to this pose; 0 for the first."""
         if self._tracked_ns:
             interval_s = (pose.publish_ns - self._tracked_ns) / 1e9
             mean_s = self._interval_s or interval_s

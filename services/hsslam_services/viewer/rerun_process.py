@@ -1,4 +1,4 @@
-"""The viewer that comes with the rerun wheel, as a child process on loopback."""
+"""Runs the viewer of the rerun wheel as a child process on loopback."""
 
 import contextlib
 import os
@@ -20,22 +20,22 @@ _PORT = 9876
 _WEB_PORT = 9090
 _PROBE_EVERY_S = 0.05
 _SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
-_MEMORY_GB = {"spawn": 0.5, "web": 0.15}  # unless the user says otherwise
+_MEMORY_GB = {"spawn": 0.5, "web": 0.15}  # default limits
 
 
 class ViewerProcess:
     """The native viewer ("spawn") or the server of the web viewer ("web"); `url` takes the data.
 
-    The native viewer is the user's window and stays when the run ends; the web server does not.
-    `page` is the address to open in a browser, None for the native viewer. `memory_gb`: what it keeps at
-    most, GB (None: 0.5 for the native viewer, 0.15 for the server); it then forgets the oldest data.
+    The native viewer stays open when the run ends; the web server does not. `page` is the address for a
+    browser, None for the native viewer. `memory_gb`: memory limit, GB (None: 0.5 for the native viewer, 0.15
+    for the server); beyond it the viewer drops the oldest data.
 
     Raises:
         UserError: the viewer cannot be started.
     """
 
     def __init__(self, kind: Literal["spawn", "web"], memory_gb: float | None = None) -> None:
-        self._held: list[socket.socket] = []  # names of the ports, until this process ends
+        self._held: list[socket.socket] = []  # claim the ports until this process ends
         port = self._free_port(_PORT)
         self._ports = [port]
         self.kind = kind
@@ -58,7 +58,7 @@ class ViewerProcess:
                 command,
                 env=environment,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,  # its errors go to the log of this process
+                stdout=subprocess.DEVNULL,  # stderr goes to the log of this process
                 start_new_session=True,
                 preexec_fn=_die_with_parent if kind == "web" else None,
             )
@@ -85,9 +85,9 @@ class ViewerProcess:
         return self.exit_code is not None
 
     def wait_until_it_listens(self, should_stop: Callable[[], bool]) -> bool:
-        """Whether all its ports take connections; not if it ends, or `should_stop`, before that.
+        """Wait until all ports take connections; False if the viewer ends or `should_stop` before.
 
-        rerun's client gives up an address that takes no connection for 7 s.
+        rerun's client gives up if an address takes no connection for 7 s.
         """
         while not (self.has_ended() or should_stop()):
             if all(map(_takes_connections, self._ports)):
@@ -97,11 +97,11 @@ class ViewerProcess:
         return False
 
     def _free_port(self, wanted: int) -> int:
-        """`wanted` if it is free on loopback, else any; not that of a viewer that does not listen yet."""
+        """`wanted` if it is free on loopback, else any free port; not that of a viewer that still starts."""
         for port in (wanted, 0, 0, 0):
             with socket.socket() as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                # another program has it, or another run its name, which the kernel frees with that
+                # another program has the port, or another run its name; the kernel frees it with that run
                 with contextlib.suppress(OSError):
                     probe.bind(("127.0.0.1", port))
                     found = probe.getsockname()[1]
@@ -125,7 +125,7 @@ class ViewerProcess:
 
 
 def _memory_limits(kind: Literal["spawn", "web"], memory_gb: float) -> list[str]:
-    """Options of rerun: the native viewer counts the buffer of the server in its process as its own."""
+    """Memory options of rerun: the native viewer counts the buffer of its built-in server, too."""
     server_mb = round(1000 * memory_gb * (1.0 if kind == "web" else _SERVER_SHARE))
     viewer = ["--memory-limit", f"{round(1000 * memory_gb)}MB"] if kind == "spawn" else []
     return [*viewer, "--server-memory-limit", f"{server_mb}MB"]
@@ -139,7 +139,7 @@ def _takes_connections(port: int) -> bool:
 
 
 def _executable() -> str:
-    # the console script is a wrapper that would outlive, or be outlived by, the real viewer
+    # the console script is a wrapper; killing it would not end the real viewer
     name = "rerun.exe" if sys.platform == "win32" else "rerun"
     return str(Path(rerun_cli.__file__).parent / name)
 

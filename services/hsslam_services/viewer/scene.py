@@ -1,4 +1,4 @@
-"""What the viewer shows of each message: the entity tree (rerun 0.41)."""
+"""Draws each message into the entity tree of the viewer (rerun 0.41)."""
 
 import time
 from collections.abc import Iterable
@@ -17,9 +17,9 @@ from hsslam_services.log.frame_compression import jpeg
 from hsslam_services.viewer.mesh import draw_blocks, draw_whole
 from hsslam_services.viewer.poses import RerunPoses
 
-_BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
-_MOST_KEYFRAME_BLOCKS = 64  # the newest; work and memory do not grow with the run
-_MOST_LOOPS = 1000  # that are drawn
+_BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs only its block
+_MOST_KEYFRAME_BLOCKS = 64  # the newest; bounds work and memory
+_MOST_LOOPS = 1000  # the newest
 _BLOCKS_AT_ONCE = 256  # of the mesh: other messages wait meanwhile
 _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
@@ -41,9 +41,8 @@ class RerunScene:
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
     world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh/live/<block>, world/mesh/final,
-    model, plots/*, events. Poses are drawn together, every `poses_every_s`, and blocks of the mesh that
-    changed every `blocks_every_s`. When the map is thrown away all of it but the
-    camera, plots and events is cleared.
+    model, plots/*, events. It draws poses together every `poses_every_s`, and changed blocks of the mesh
+    every `blocks_every_s`. A reset of the map clears all but the camera, plots and events.
     """
 
     def __init__(
@@ -62,7 +61,7 @@ class RerunScene:
         self._log_styles()
 
     def draw(self, message: Message) -> None:
-        """Log one message at its own time; what has no sensor stamp goes to the newest one."""
+        """Log one message at its own time; a message without a sensor stamp gets the newest stamp."""
         if self._epochs.begins_with(message):
             self._clear()
         elif self._epochs.is_past(message):
@@ -103,28 +102,28 @@ class RerunScene:
             self._draw_blocks(_BLOCKS_AT_ONCE)
 
     def add_blocks(self, message: MeshBlocks) -> None:
-        """Draw these blocks of the live mesh when it is time to; may be called by another thread."""
+        """Draw these blocks of the live mesh when they are due; another thread may call this."""
         self._blocks.add(message)
 
     def end_file(self) -> None:
-        """Draw the poses that wait; blocks that wait belong to the next file."""
+        """Draw the waiting poses; waiting blocks go into the next file."""
         self._poses.draw()
 
     def begin_file(self) -> None:
-        """Draw what a file needs to open alone; the blocks of the mesh come from the mesher."""
+        """Draw all that a new file needs to open alone, except the mesh: the mesher sends its blocks."""
         self._log_styles()
         self._intrinsics = ()
         self.draw_again()
 
     def draw_again(self) -> None:
-        """Draw camera, path, keyframes and loops for those who have nothing of before."""
+        """Draw camera, path, keyframes and loops again, for viewers without earlier data."""
         self._restore_time()
         self._poses.draw_again()
         self._draw_keyframes(self._keyframes)
         self._draw_loops()
 
     def finish(self) -> None:
-        """Draw the poses and blocks that wait."""
+        """Draw the waiting poses and blocks."""
         self._poses.draw()
         self._draw_blocks()
 
@@ -135,7 +134,7 @@ class RerunScene:
 
     def _draw_blocks(self, most: int | None = None) -> None:
         news = self._blocks.take(most)
-        if self._epochs.begins(news.map_epoch):  # they have overtaken the other messages
+        if self._epochs.begins(news.map_epoch):  # blocks may overtake other messages
             self._clear()
         self._restore_time()
         draw_blocks(self._stream, news)
@@ -143,7 +142,7 @@ class RerunScene:
             self._blocks_s = time.monotonic()
 
     def _clear(self) -> None:
-        """Nothing of the old map remains: its coordinates say nothing in the new one."""
+        """Clear the old map: its coordinates are not those of the new map."""
         self._poses.begin_path()
         self._restore_time()
         for entity in _OF_MAP:
@@ -153,7 +152,7 @@ class RerunScene:
         self._blocks.forget_before(self._epochs.now)
 
     def _set_time(self, index: int, stamp_ns: int) -> None:
-        """Time comes before logging: what is logged earlier is absent from the timeline."""
+        """Set the time of the following log calls; without it, data is absent from the timeline."""
         if self._time is None or stamp_ns >= self._time[1]:
             self._time = (index, stamp_ns)
         self._stream.set_time("frame", sequence=index)
@@ -179,7 +178,7 @@ class RerunScene:
             self._draw_keyframes(self._keyframes)
 
     def _place_keyframes(self, placed: Iterable[tuple[int, _Placed]]) -> None:
-        """Keyframes are where they are now; those of the oldest blocks are not drawn any more."""
+        """Draw keyframes at their new poses; remove the oldest blocks if there are too many."""
         oldest, changed = min(self._keyframes, default=0), set()
         for k, place in placed:
             block = k // _BLOCK_KEYFRAMES
@@ -208,7 +207,7 @@ class RerunScene:
             )
 
     def _draw_loops(self) -> None:
-        """A line between the keyframes that each loop has brought together."""
+        """Draw a line between the two keyframes of each loop closure."""
         ends = ((self._position(a), self._position(b)) for a, b in self._loops)
         lines = [[a, b] for a, b in ends if a is not None and b is not None]
         if lines:
@@ -224,7 +223,7 @@ class RerunScene:
 
     def _draw_mesh(self, mesh: mesh_messages.Mesh) -> None:
         self._restore_time()
-        self._blocks.take()  # the final mesh is in their place
+        self._blocks.take()  # the final mesh replaces them
         draw_whole(self._stream, mesh)
 
     def _draw_view(self, view: messages.View) -> None:

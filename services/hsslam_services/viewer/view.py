@@ -1,4 +1,4 @@
-"""The drawing end of the recorder: run.rrd, run.1.rrd, ... and a live viewer; the recorder waits for none."""
+"""Draws messages into run.rrd, run.1.rrd, ... and a live viewer; never blocks the recorder."""
 
 from pathlib import Path
 
@@ -19,10 +19,9 @@ _LIVE = Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2, again_s=
 class RerunView:
     """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
 
-    `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.15 GB).
-    `write_to` goes on in another file: rerun keeps a list of all chunks of a file until its end.
-    `show` never waits: frames push out older frames. If a viewer is closed or takes no data, `report`
-    gets one warning, and the file goes on.
+    `memory_gb`: memory limit of the viewer, as of `ViewerProcess`. `write_to` switches to another file: rerun
+    keeps a list of all chunks of a file until its end. `show` never waits: new frames replace waiting ones.
+    If a viewer closes or takes no data, `report` gets one warning, and the file goes on.
 
     Raises:
         UserError: the viewer cannot be started.
@@ -46,11 +45,11 @@ class RerunView:
 
     @property
     def dropped(self) -> int:
-        """Messages that were pushed out before they were drawn."""
+        """Number of messages dropped before they were drawn."""
         return sum(thread.dropped for thread in self._threads)
 
     def write_to(self, rrd: Path) -> None:
-        """Go on in this file, if it is not the one that is written; it opens alone."""
+        """Switch to this file, unless it is the current one; each file opens alone."""
         if rrd != self._rrd:
             self._rrd = rrd
             self._threads[0].put(NextFile(rrd))
@@ -62,18 +61,18 @@ class RerunView:
             thread.put(message)
 
     def show_images_every(self, seconds: float) -> None:
-        """The least time between images in the live viewer, s; the file has its own."""
+        """Set the least time between images in the live viewer, s; the file has its own."""
         for thread in self._threads[1:]:
             thread.images_s = seconds
 
     def close(self) -> None:
-        """Draw what waits, write the end of the file; wait some seconds at most, as for a full disk."""
+        """Draw the waiting messages and finish the file; give up after some seconds, as on a full disk."""
         for thread in self._threads:
             thread.stop()
         for thread in self._threads:
             thread.join(_CLOSE_S)
         if any(thread.is_alive() for thread in self._threads):
-            rr.unregister_shutdown()  # at exit the SDK would wait for ever for what it cannot write
+            rr.unregister_shutdown()  # at exit the SDK would wait forever for data that it cannot write
         if self._process is not None:
             self._process.close()
 

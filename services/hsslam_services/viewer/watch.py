@@ -1,4 +1,4 @@
-"""Whether a live viewer is there and takes data."""
+"""Watches whether a live viewer runs and takes data."""
 
 import time
 from collections.abc import Callable
@@ -13,9 +13,9 @@ _FIRST_CHECK_S = 20.0  # a viewer may take its time to start
 
 
 class ViewerWatch:
-    """Reports a live viewer that is gone, or that takes no data because it is frozen.
+    """Reports a live viewer that has closed, or that takes no data because it hangs.
 
-    While the viewer takes no data, the queue drops old messages; new ones are drawn when it goes on.
+    While the viewer takes no data, the queue drops old messages; drawing continues when it responds again.
     """
 
     def __init__(self, viewer: str, report: Report, process: ViewerProcess | None) -> None:
@@ -24,15 +24,15 @@ class ViewerWatch:
         self._process = process
         self._next_s = time.monotonic() + _CHECK_S
         self._patience_s = _FIRST_CHECK_S
-        self._was_told = False
+        self._is_reported = False
 
     def has_begun(self, should_stop: Callable[[], bool]) -> bool:
-        """Wait until the viewer takes data and say where its page is; not if it ends, or `should_stop`.
+        """Wait until the viewer takes data, and report its page; False if it ends or `should_stop` before.
 
-        The page is not said earlier: a viewer that opens it before there is a server may take the
+        The page is reported only then: a browser that opens it before the server listens may take the
         server's port.
         """
-        if self._process is None:  # others started it
+        if self._process is None:  # another program started it
             return True
         if self._process.wait_until_it_listens(should_stop):
             if self._process.page is not None:
@@ -43,7 +43,7 @@ class ViewerWatch:
         return False
 
     def is_gone(self, stream: rr.RecordingStream) -> bool:
-        """Whether the viewer is gone; looks every two seconds, and reports it."""
+        """Whether the viewer has closed, checked every two seconds; reports it."""
         if time.monotonic() < self._next_s:
             return False
         why = self._why_gone(stream)
@@ -54,12 +54,12 @@ class ViewerWatch:
         return bool(why)
 
     def _why_gone(self, stream: rr.RecordingStream) -> str:
-        """Why the viewer is gone; empty if it is there."""
+        """Why the viewer has closed; empty if it runs."""
         if self._process is not None and self._process.has_ended():
             return _exit_code(self._process)
         try:
             stream.flush(timeout_sec=self._patience_s)
-            self._was_told = False
+            self._is_reported = False
         except RuntimeError as error:
             if "timed out" not in str(error):
                 return str(error)
@@ -71,9 +71,9 @@ class ViewerWatch:
         self._report("warning", text)
 
     def takes_nothing(self) -> None:
-        """Report that the viewer takes no data, once until it takes some again."""
-        if not self._was_told:
-            self._was_told = True
+        """Report that the viewer takes no data, once until it takes data again."""
+        if not self._is_reported:
+            self._is_reported = True
             self._report("warning", f"viewer {self._viewer} takes no data; the run goes on")
 
 

@@ -1,4 +1,4 @@
-"""When the recorder asks for all blocks of the mesh again, and which of those that come are drawn again."""
+"""When the recorder asks the mesher for all blocks of the mesh, and which of the answers are drawn."""
 
 from pathlib import Path
 
@@ -6,17 +6,16 @@ from hsslam_proto.envelope import Envelope
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message
 
-_EVERY_S = 600.0  # a viewer that comes late finds all blocks in the log near its time
+_EVERY_S = 600.0  # a late viewer finds all blocks at most this long before its time
 
 
 class WholeMesh:
-    """A part of the log opens alone, so it needs the blocks that were sent before it as well.
+    """Schedules requests for all blocks: each part of the log and each run.<k>.rrd must open alone.
 
-    So does run.<k>.rrd beside it. A web viewer that connects late needs them, too, once its server has
-    forgotten the oldest data.
+    A web viewer that connects late needs all blocks, too, as its server drops the oldest data.
 
     Args:
-        part: of the log that is written now.
+        part: current part of the log.
         now_s: monotonic clock, s.
     """
 
@@ -26,7 +25,7 @@ class WholeMesh:
         self._has_asked = self._is_drawn_again = self._is_in_file = False
 
     def is_due(self, part: Path, now_s: float) -> bool:
-        """Whether to ask for all blocks now; `part`: of the log that is written now."""
+        """Whether to ask for all blocks now; `part`: current part of the log."""
         if part == self._part and now_s - self._asked_s < _EVERY_S:
             return False
         self._is_in_file = part == self._part
@@ -37,11 +36,11 @@ class WholeMesh:
         return True
 
     def is_for_file(self, message: Message, envelope: Envelope | None) -> bool:
-        """Whether the file for rerun takes the message: answers, which have no envelope, fill a new file."""
+        """Whether run.rrd takes the message: answers, which have no envelope, go only into a new file."""
         return not (_is_answer(message, envelope) and self._is_in_file)
 
     def is_for_viewer(self, message: Message, envelope: Envelope | None) -> bool:
-        """Whether a viewer draws the message: it draws what it has again only now and then."""
+        """Whether a viewer draws the message: it draws repeated answers only every 600 s."""
         is_repeated = _is_answer(message, envelope) and self._has_asked
         return self._is_drawn_again or not is_repeated
 
