@@ -1,1 +1,1 @@
-"""What a run is: its options, folder, shared memory, map state and summary."""
+"""Options, sources, run folder, memory and summary of a run."""

@@ -1,4 +1,4 @@
-"""How far the camera has come, kept in the arena folder: a restarted camera goes on from it."""
+"""Progress of the camera process, in the arena folder: a restarted camera continues from it."""
 
 import struct
 from dataclasses import astuple, dataclass, field
@@ -12,9 +12,9 @@ _LAYOUT = struct.Struct("<qqqqqqqqq")
 
 @dataclass
 class CameraProgress:
-    """Counts so far, and where the sensor clock was pinned to this machine's monotonic clock (0: not yet).
+    """Counts so far, and the times at which the sensor clock was tied to the monotonic clock (0: not yet).
 
-    `publisher`: number of the camera, the same after a restart, which goes on counting.
+    `publisher`: number of the camera; it stays the same after a restart of the camera.
     """
 
     next_index: int = 0
@@ -32,7 +32,7 @@ class CameraProgress:
         return self.pinned_ns + source_ns - self.pinned_source_ns
 
     def write(self, arena_dir: Path) -> None:
-        """In place once the file is there: that needs no memory, which may be full."""
+        """Write the file; in place if it exists, as that needs no memory, which may be full."""
         path, packed = _path(arena_dir), _LAYOUT.pack(*astuple(self))
         if not path.exists():
             write_atomically(path, packed)
@@ -42,12 +42,12 @@ class CameraProgress:
 
     @staticmethod
     def exists(arena_dir: Path) -> bool:
-        """Whether a camera of this run may have sent anything."""
+        """Whether a camera of this run may have sent a frame."""
         return _path(arena_dir).exists()
 
     @staticmethod
     def read(arena_dir: Path) -> "CameraProgress":
-        """The progress left by the camera that ran before; zeros if there was none."""
+        """The progress of the earlier camera process; zeros if there was none."""
         path = _path(arena_dir)
         return (
             CameraProgress(*_LAYOUT.unpack(path.read_bytes()))

@@ -1,4 +1,4 @@
-"""`config.toml`, the effective options of a run; apart from `options`, which writes no TOML."""
+"""`config.toml`: the effective options of a run."""
 
 import dataclasses
 from typing import Any
@@ -8,7 +8,7 @@ import tomli_w
 from hsslam_services.run.options import ServeOptions
 
 CONFIG_FILE = "config.toml"
-_NOT_REPEATED = ("out", "config")  # a repeated run must not overwrite the run that it repeats
+_NOT_REPEATED = ("out", "config")  # a repeated run must not overwrite the original
 
 
 def config_text(options: ServeOptions) -> str:

@@ -1,4 +1,4 @@
-"""The exit codes of `hsslam-serve`, in one table: for the service, its help and the documents."""
+"""Table of the exit codes of `hsslam-serve`, for the service, its help and the docs."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -33,8 +33,7 @@ def exit_code_help() -> str:
 
 
 def ending(*, is_cut_short: bool, is_refused: bool, has_failed: bool, is_saved: bool) -> ExitCode:
-    """The code of a run that has begun: bad input wins over what is lost, that over what the user did, that
-    over failures."""
+    """The code of a run that has begun. Order: bad input, unsaved results, a second signal, a failure."""
     if is_refused:
         return ExitCode.BAD_INPUT
     if not is_saved:

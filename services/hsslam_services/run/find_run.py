@@ -1,4 +1,4 @@
-"""The runs that go on on this machine; apart from `arena_folder`, whose importers parse no options."""
+"""Finds running runs on this machine; separate from `arena_folder`, whose importers parse no options."""
 
 import contextlib
 from pathlib import Path
@@ -9,8 +9,8 @@ from hsslam_services.run.run_info import RunInfo
 
 
 def running_runs(root: Path = SHM_ROOT) -> dict[str, RunInfo | None]:
-    """The runs of this user, oldest first, by the folder that names each: its run folder, or its arena if
-    that was moved or removed. None: it is of another version, or just begins."""
+    """The running runs of this user, oldest first, by run folder, or by arena if the run folder was moved or
+    removed. None: the run is of another version, or just starts."""
     runs: dict[str, RunInfo | None] = {}
     for arena in live_arenas(root):
         run = _read(arena)

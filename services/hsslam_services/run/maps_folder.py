@@ -1,4 +1,4 @@
-"""Where saved maps lie, and which one a user means."""
+"""The folder of saved maps; finds a map by name or path."""
 
 import re
 from pathlib import Path
@@ -19,17 +19,17 @@ def map_path(folder: Path | str, name: str) -> Path:
     """The file of the map of this name, absolute.
 
     Raises:
-        UserError: a name that is none.
+        UserError: the name is not valid.
     """
     expect_map_name(name)
     return user_path(folder).absolute() / f"{name}{_SUFFIX}"
 
 
 def find_map(folder: Path | str, wanted: str) -> Path:
-    """The file that is meant by the name of a map, or by the path of a file or run folder; absolute.
+    """The map file of a name in `folder`, a file or a run folder; absolute.
 
     Raises:
-        UserError: there is none; maps that there are are named.
+        UserError: there is no such map; the error lists the known maps.
     """
     is_name = re.fullmatch(_NAME, wanted) is not None
     if is_name and (named := map_path(folder, wanted)).is_file():
@@ -40,7 +40,7 @@ def find_map(folder: Path | str, wanted: str) -> Path:
         return of_run
     if is_name:
         known = known_maps(folder)
-        there = f"{did_you_mean(wanted, known)}; there are: {', '.join(known)}" if known else ""
+        there = f"{did_you_mean(wanted, known)}; known maps: {', '.join(known)}" if known else ""
         raise UserError(f"--map {wanted}: no such map in {user_path(folder).absolute()}{there}")
     if not path.is_file():
         given = f"{wanted.rstrip('/')}/{_OF_RUN}" if path.is_dir() else wanted
@@ -50,7 +50,7 @@ def find_map(folder: Path | str, wanted: str) -> Path:
 
 
 def expect_map_name(name: str) -> None:
-    """UserError where it is no name of a map."""
+    """Raise UserError unless `name` is a valid name of a map."""
     if not re.fullmatch(_NAME, name):
         raise UserError(f"map {name!r}: expected a name of letters, digits, _ and -, 64 at most")
 
@@ -61,5 +61,5 @@ def known_maps(folder: Path | str) -> list[str]:
 
 
 def read_save_request(arena_dir: Path) -> SaveMap:
-    """What the map saver is asked to save."""
+    """The request that the map saver carries out."""
     return msgspec.json.decode((arena_dir / SAVE_REQUEST).read_bytes(), type=SaveMap)

@@ -1,4 +1,4 @@
-"""Memory of the processes of a run: a page that n of them share counts a n-th in each (PSS)."""
+"""Memory of the processes of a run (PSS): a page that n processes share counts 1/n in each."""
 
 import contextlib
 import ctypes
@@ -18,22 +18,22 @@ _MALLOPT = getattr(_LIBC, "mallopt", None)
 
 
 def return_large_arrays(least_bytes: int = _LARGE_BYTES) -> None:
-    """From now on arrays of `least_bytes` or more go back to the system once they are freed.
+    """Return freed arrays of `least_bytes` or more to the system from now on.
 
-    The system clears the next one, which takes time that tracking does not have.
+    The system clears each new array, which costs too much time for the tracker.
     """
     if _MALLOPT is not None:
         _MALLOPT(_M_MMAP_THRESHOLD, least_bytes)
 
 
 def return_free_memory() -> None:
-    """Give the pages that the C library keeps between arrays in use back to the system; some milliseconds."""
+    """Return the free pages that the C library keeps to the system; takes some milliseconds."""
     if _TRIM is not None:
         _TRIM(0)
 
 
 class OwnMemory:
-    """The PSS of a process, MB (10^6 bytes), measured now and then."""
+    """The PSS of a process, MB (10^6 bytes), measured every 5 s."""
 
     def __init__(self, pid: int | None = None) -> None:
         self._pid = pid
@@ -41,7 +41,7 @@ class OwnMemory:
         self._pss_mb = 0
 
     def pss_mb(self) -> int:
-        """The last figure; 0 where the system does not tell."""
+        """The last value; 0 if the system does not report it."""
         if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + _EVERY_S
             self._pss_mb = read_pss_mb(self._pid)
@@ -49,7 +49,7 @@ class OwnMemory:
 
 
 class MemoryOfAll:
-    """What the supervisor knows of the memory of a run, from its own eyes and from heartbeats."""
+    """Memory of all processes of a run, from measurements of the supervisor and from heartbeats."""
 
     def __init__(self) -> None:
         self.total_mb = 0
@@ -59,7 +59,7 @@ class MemoryOfAll:
         self._fork_server: tuple[int | None, OwnMemory] = (None, OwnMemory())
 
     def look(self, heard_mb: Mapping[str, int], fork_server_pid: int | None) -> None:
-        """Take in the last figures of all processes; call it often."""
+        """Update with the values of the heartbeats; call it often."""
         if fork_server_pid != self._fork_server[0]:
             self._fork_server = fork_server_pid, OwnMemory(fork_server_pid)
         now = dict(heard_mb)
@@ -76,7 +76,7 @@ class MemoryOfAll:
 
 
 def read_pss_mb(pid: int | None = None) -> int:
-    """PSS of a process (none: this one), MB; 0 if the process has ended."""
+    """PSS of a process (None: this one), MB; 0 if the process has ended."""
     with contextlib.suppress(psutil.Error):
         return round(psutil.Process(pid).memory_full_info().pss / 1e6)
     return 0

@@ -96,7 +96,7 @@ class ServeOptions:
     }
 
     source: str = "synth:room"
-    """Where frames come from, as above."""
+    """Source of the frames, see Sources."""
     config: tuple[str, ...] = ()
     """Options from a TOML file, a run folder, or camera:NAME; the last file wins."""
     preset: Literal["realtime", "paper", "eslam", "co-slam"] = "realtime"
@@ -110,7 +110,7 @@ class ServeOptions:
     memory_gb: float = 1.05
     """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
-    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.15)."""
+    """Memory limit of the viewer, GB; it drops the oldest data beyond it (none: spawn 0.5, web 0.15)."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
@@ -120,7 +120,7 @@ class ServeOptions:
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S
-    """A camera lost for this long goes on in a new map, which is joined to the old later, s (0: never)."""
+    """Start a new map if the camera is lost for this long, s; it joins the old map later (0: never)."""
     seed: int = 0
     """Seed of all random numbers."""
     noise: Literal["none", "kinect"] = "none"
@@ -146,7 +146,7 @@ class ServeOptions:
     cover_frames: int = 0
     """Cover the lens for N frames: black, and without depth."""
     mask: str = ""
-    """Mask, or folder of one for each frame, sized as before --downscale; black: no depth (empty: none)."""
+    """Mask image, or folder of one per frame, sized as before --downscale; black: no depth (empty: none)."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -159,20 +159,20 @@ class ServeOptions:
     ros2_tf: bool = True
     """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
     ros2_frame_prefix: str = ""
-    """With --ros2-out: what the names of all frames begin with, as robot1/ (empty: nothing)."""
+    """With --ros2-out: prefix of all frame names, as robot1/ (empty: none)."""
     base_T_camera: tuple[float, ...] = ()
-    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
+    """Pose of the camera in base_link: x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
-    """Standard deviation of the robot's odometry after 1 m, m, and after 1 rad, rad."""
+    """Standard deviation of the robot's odometry: m after 1 m, and rad after 1 rad."""
     camera_T_imu: tuple[float, ...] = ()
-    """IMU in the camera's optical frame, x y z qx qy qz qw, m (none: by /tf_static of ROS, else the IMU is in
-    the camera's centre and has its axes)."""
+    """Pose of the IMU in the camera's optical frame: x y z qx qy qz qw, m (none: from /tf_static of ROS, else
+    the camera's centre and axes)."""
     grid: bool = False
-    """Publish free cells and distances about the camera, ten times a second."""
+    """Publish free cells and distances around the camera, ten times a second."""
     grid_from_height_m: float = 0.15
-    """With --grid: lowest height above the floor that is looked at, m."""
+    """With --grid: lowest height of obstacles above the floor, m."""
     grid_to_height_m: float = 1.6
-    """With --grid: highest height above the floor that is looked at, m."""
+    """With --grid: highest height of obstacles above the floor, m."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log; png is lossless, the log 3 times as large."""
@@ -223,19 +223,17 @@ class ServeOptions:
                 "in a saved map: expected alignment, as in --preset realtime"
             )
         if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
-            raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
+            raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace such as /hsslam")
         if not re.fullmatch(r"(\w+(/\w+)*/?)?", self.ros2_frame_prefix):
             raise UserError(
-                f"--ros2-frame-prefix {self.ros2_frame_prefix!r}: expected the begin of a name as robot1/"
+                f"--ros2-frame-prefix {self.ros2_frame_prefix!r}: expected a prefix such as robot1/"
             )
         RobotFrames.mounted(self.base_T_camera)
         mounting("--camera-T-imu", self.camera_T_imu)
         low_m, high_m = self.grid_from_height_m, self.grid_to_height_m
         heights = f"--grid-from-height-m {low_m:g} --grid-to-height-m {high_m:g}"
         if not 0 <= low_m < high_m <= _MOST_HEIGHT_M:
-            raise UserError(
-                f"{heights}: expected two heights that rise, from 0 to {_MOST_HEIGHT_M} m"
-            )
+            raise UserError(f"{heights}: expected 0 <= from < to <= {_MOST_HEIGHT_M} m")
         first, end = layers_between(low_m, high_m, VOXEL_M)
         if first == end:
             raise UserError(f"{heights}: expected a multiple of {VOXEL_M} m between them")
@@ -271,17 +269,17 @@ class ServeOptions:
 
     @property
     def T_level_world(self) -> np.ndarray | None:
-        """To the frame `map` of the robot, [4, 4]; None if neither the robot nor ROS is known."""
+        """Transform [4, 4] to the frame `map` of the robot; None without --base-T-camera and --ros2-out."""
         return level_frame(self.base_T_camera, in_ros=bool(self.ros2_out))
 
     @property
     def has_camera_process(self) -> bool:
-        """Whether the service reads frames itself; with zenoh: another program publishes them."""
+        """Whether the service reads the frames itself; false if another program publishes them."""
         return not comes_over_bus(self.source)
 
     @property
     def outside_place(self) -> str:
-        """ADDRESS:PORT where other programs connect; empty if only processes of this user may."""
+        """ADDRESS:PORT for other programs; empty if the run opens no port."""
         asked = self.zenoh_port or self.bind or self.security or self.ros2_out
         asked = asked or needs_port(self.source)
         port = _ZENOH_PORT if self.zenoh_port is None else self.zenoh_port
@@ -289,12 +287,12 @@ class ServeOptions:
 
     @property
     def has_usual_port(self) -> bool:
-        """Whether the port of the run, if it has one, is 7447, where clients look for any router."""
+        """Whether the port of the run, if it opens one, is 7447, the default of zenoh."""
         return self.zenoh_port in (None, _ZENOH_PORT)
 
     @property
     def ros_domain(self) -> int | None:
-        """The domain of the ROS nodes that may use the router; None if the run does not speak to any."""
+        """The domain of the ROS nodes that may use the router; None if the run does not use ROS."""
         has_ros_camera = needs_port(self.source) and self.has_camera_process
         return self.ros2.domain if has_ros_camera or self.ros2_out else None
 

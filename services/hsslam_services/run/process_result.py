@@ -1,4 +1,4 @@
-"""What a process of a run leaves for the supervisor: `logs/NAME.result.json` in the run folder."""
+"""Result of a process of a run, for the supervisor: `logs/NAME.result.json` in the run folder."""
 
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,10 @@ from hsslam_services.run.run_info import write_atomically
 
 
 class ProcessResult(msgspec.Struct, frozen=True):
-    """Why a process failed, its sections of summary.json, and what it answers to a request.
+    """Error of a process, its sections of summary.json, and its answer to a request.
 
-    `error`: one line for the user; empty if the process succeeded. `lacks_memory`: what it needs may be free
-    later.
+    `error`: one line for the user; empty if the process succeeded. `lacks_memory`: it failed for lack of
+    memory, so another try may succeed.
     """
 
     error: str = ""
@@ -30,23 +30,23 @@ def write_result(run_dir: Path, name: str, result: ProcessResult) -> None:
 
 
 def read_result(run_dir: Path, name: str) -> ProcessResult:
-    """The result of process `name`; an empty one if it has left none since `clear_result`."""
+    """The result of process `name`; an empty result if it wrote none since `clear_result`."""
     try:
         return msgspec.json.decode(_path(run_dir, name).read_bytes(), type=ProcessResult)
-    except (OSError, msgspec.MsgspecError):  # none, or one that the disk did not take
+    except (OSError, msgspec.MsgspecError):  # no file, or cut off by a full disk
         return ProcessResult()
 
 
 def clear_result(run_dir: Path, name: str) -> None:
-    """Remove what an earlier process of this name has left."""
+    """Remove the result of an earlier process of this name."""
     _path(run_dir, name).unlink(missing_ok=True)
 
 
 def python_number(value: Any) -> Any:
-    """A NumPy number as Python's, for JSON.
+    """A NumPy number as a Python number, for JSON.
 
     Raises:
-        NotImplementedError: a value of another type.
+        NotImplementedError: the value has another type.
     """
     if isinstance(value, np.generic):
         return value.item()

@@ -1,4 +1,4 @@
-"""The names, places and options of a run, for all its processes: `run.json` in the run folder."""
+"""`run.json` in the run folder: names, folders and options of a run, for all its processes."""
 
 import os
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ _FILE = "run.json"
 
 @dataclass(frozen=True)
 class RunInfo:
-    """One run: its names, places and options. Written by the supervisor before any child starts."""
+    """Names, folders and options of a run. The supervisor writes it before any process starts."""
 
     run_id: str
     run_dir: str
@@ -35,23 +35,23 @@ class RunInfo:
 
     @property
     def camera_arena(self) -> Path | None:
-        """The arena, where the camera process leaves its number; None if the camera is outside."""
+        """The arena, where the camera process stores its number; None if another program sends the frames."""
         return Path(self.arena_dir) if self.options.has_camera_process else None
 
     @property
     def ros_endpoint(self) -> str:
-        """The router where this run meets ROS nodes: its own, unless another has their usual port."""
+        """Router of the ROS nodes: --ros2.connect, else the run's own on port 7447, else another on 7447."""
         own = self.endpoint if self.options.has_usual_port else ROS_ROUTER
         return self.options.ros2.connect or own
 
     @property
     def source_options(self) -> SourceOptions:
-        """The options of the source alone, for the camera of this run, which meets ROS nodes there."""
+        """The options of the source alone, with the router of ROS nodes filled in."""
         options = self.options.source_options
         return replace(options, ros2=replace(options.ros2, connect=self.ros_endpoint))
 
     def write(self) -> None:
-        """Write run.json and config.toml, each in one step; OSError if the folder does not allow it."""
+        """Write run.json and config.toml, each in one step; OSError if the folder is not writable."""
         from hsslam_services.run.config_file import (  # TOML: the writer's only
             CONFIG_FILE,
             config_text,
@@ -61,7 +61,7 @@ class RunInfo:
         write_durably(self.path / CONFIG_FILE, config_text(self.options).encode())
 
     def restore(self) -> None:
-        """Make the run folder again if it is gone, so that the next run there knows whose it is.
+        """Make the run folder and its run.json again if they are gone.
 
         Raises:
             OSError: the folder cannot be written.
@@ -71,7 +71,7 @@ class RunInfo:
             self.write()
 
     def write_into_arena(self) -> None:
-        """Leave a copy beside the shared arrays: a rescue and `hsslam-ctl` work without the run folder."""
+        """Write a copy into the arena: a rescue and `hsslam-ctl` then work without the run folder."""
         write_atomically(Path(self.arena_dir) / _FILE, msgspec.json.encode(self))
 
     @staticmethod
@@ -79,21 +79,21 @@ class RunInfo:
         """The run of this folder.
 
         Raises:
-            UserError: no run.json there, or one of another version.
+            UserError: there is no run.json, or one of another version.
         """
         path = run_dir / _FILE
         try:
             return msgspec.json.decode(path.read_bytes(), type=RunInfo)
         except OSError as error:
-            raise UserError(f"{path}: {error.strerror}: expected the file of a run") from None
+            raise UserError(f"{path}: {error.strerror}: expected run.json of a run") from None
         except msgspec.MsgspecError as error:
-            raise UserError(f"{path}: {error}: expected the file of a run") from None
+            raise UserError(f"{path}: {error}: expected run.json of a run") from None
 
 
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file so that a reader finds the old content or the new, never a part.
 
-    It waits for no disk, so a power cut may leave neither: for files that living processes read.
+    It does not wait for the disk, so a power cut may lose both; use it for files that running processes read.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     temporary.write_bytes(data)

@@ -1,7 +1,7 @@
-"""Sources of other packages that are installed here: entry points of the group `hsslam.sources`.
+"""Sources of other installed packages: entry points of the group `hsslam.sources`.
 
-The name of an entry point is the kind of a source; its value is the place of the `SourceRow`. An entry point
-that does not work becomes a row of its kind which says why, so other sources go on working.
+The name of an entry point is the kind of the source; its value is the import path of the `SourceRow`. A
+broken entry point becomes a row with the reason in `fault`, so other sources go on working.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ GROUP = "hsslam.sources"
 
 
 def plugin_rows(own: Sequence[SourceRow]) -> tuple[SourceRow, ...]:
-    """The rows of all packages that are installed, by kind; `own` kinds are taken."""
+    """The rows of all installed packages, sorted by kind; the kinds of `own` are taken."""
     taken = {row.kind for row in own}
     rows = []
     for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
@@ -29,7 +29,7 @@ def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
     package = point.dist.name if point.dist else point.module
     try:
         row = point.load()
-    except Exception as error:  # code of others, which may raise what it likes
+    except Exception as error:  # foreign code may raise anything
         return _broken(point, package, one_line(error))
     if not isinstance(row, SourceRow):
         return _broken(point, package, f"{point.value} is {type(row).__name__}: expected SourceRow")
@@ -62,7 +62,7 @@ def _never_raising(looks_like: Callable[[Path], bool]) -> Callable[[Path], bool]
     def asked(path: Path) -> bool:
         try:
             return bool(looks_like(path))
-        except Exception:  # it only makes suggestions
+        except Exception:  # used only for suggestions
             return False
 
     return asked

@@ -1,4 +1,4 @@
-"""All sources of a run: the library's, those that need the bus or a log, and plugins; one row a kind."""
+"""Table of all sources: those of the library, of the bus and logs, and plugins; one row for each kind."""
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options.source import SourceOptions
@@ -80,24 +80,24 @@ def sources_help() -> str:
 
 
 def is_live(spec: str) -> bool:
-    """Whether frames come on the camera's own clock, and a frame that is not taken is gone."""
+    """Whether the source is a live camera: a frame that is not taken in time is lost."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.is_live
 
 
 def comes_over_bus(spec: str) -> bool:
-    """Whether another program publishes the frames, and there is no camera process."""
+    """Whether another program publishes the frames, so that there is no camera process."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.opener is None
 
 
 def comes_once(spec: str) -> bool:
-    """Whether frames cannot be read again: those of a live camera, or of another program."""
+    """Whether frames cannot be read again: they come from a live camera or another program."""
     return is_live(spec) or comes_over_bus(spec)
 
 
 def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
-    """Raises UserError if an option is set that would change frames; another program publishes them."""
+    """Raise UserError if an option is set that changes frames, but another program publishes them."""
     if row := find_row(spec, ALL_SOURCES):
         refuse_unread_options(row, spec, options)
     untouched = SourceOptions()
@@ -111,7 +111,7 @@ def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
 
 
 def refuse_rate(spec: str, rate_hz: float) -> None:
-    """Raises UserError if frames of this source come when they come, at no rate that a run could set."""
+    """Raise UserError if a run cannot set the rate of this source."""
     if comes_once(spec):
         remedy = (
             "expected the rate in that program" if comes_over_bus(spec) else "expected --stride"
@@ -121,7 +121,7 @@ def refuse_rate(spec: str, rate_hz: float) -> None:
 
 
 def needs_port(spec: str) -> bool:
-    """Whether programs outside the run send the frames: a driver of its own, or ROS nodes."""
+    """Whether programs outside the run send the frames: another driver, or ROS nodes."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.needs_port
 

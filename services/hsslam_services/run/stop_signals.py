@@ -1,20 +1,20 @@
-"""The signals that end a run in order, and the one that ends each of its processes; alone, as a batch hears
-them, too."""
+"""The signals that end a run in order, and the signal that ends each of its processes; a batch uses them,
+too."""
 
 import signal
 from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-# to one process of a run, when its supervisor says so or dies; others send SIGTERM to all processes at once
+# of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once
 END_SIGNAL = signal.SIGUSR1
 
 
 def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, Any]:
-    """Call `tell` on SIGINT, SIGTERM and SIGHUP with how many have come; the former handlers.
+    """Call `tell` on SIGINT, SIGTERM and SIGHUP with their number so far; returns the former handlers.
 
-    A SIGHUP counts only if nothing else comes: systemd-logind sends it with a SIGTERM (Python may see it
-    first), a shell and the kernel each send one. One that `nohup` ignores stays ignored.
+    A SIGHUP counts only if no other signal comes: systemd-logind sends it with a SIGTERM (Python may see it
+    first), a shell and the kernel each send one. If `nohup` ignores SIGHUP, it stays ignored.
     """
     others = 0
 
@@ -30,8 +30,8 @@ def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, 
 
 
 def leave_stop_signals_to_supervisor() -> None:
-    """Take no notice of what systemd or the end of a session sends to all processes of a run: the supervisor
-    hears it, and ends them in order. Programs that this process starts end by SIGINT and SIGTERM."""
+    """Ignore the stop signals that systemd or the end of a session sends to all processes of a run: the
+    supervisor ends them in order. Programs that this process starts still end by SIGINT and SIGTERM."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)

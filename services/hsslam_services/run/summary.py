@@ -1,4 +1,4 @@
-"""summary.json: what a run did, in numbers. Only the supervisor writes it."""
+"""summary.json: figures of a run. Only the supervisor writes it."""
 
 import importlib.metadata
 import platform
@@ -31,11 +31,11 @@ def read_summary(run_dir: Path) -> dict[str, Any]:
 
 
 def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
-    """Frames, rate, latency, and the time from the first frame to the last by the source's stamps, out of the
-    rows of the pose log, [n] of POSE_ROW at a time.
+    """Section of frame counts, rate, latency, and duration by the source's stamps, from slabs [n] of POSE_ROW
+    of the pose log.
 
-    Rate and latency leave out the first pose: the sensor clock starts when its map is there. The rate is
-    not known if the wall clock was set back meanwhile.
+    Rate and latency leave out the first pose: the sensor clock starts when its map exists. The rate is
+    missing if the wall clock was set back during the run.
     """
     section: dict[str, Any] = {}
     counts = np.zeros(4, np.int64)  # of each status
@@ -80,9 +80,9 @@ def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def evaluation_line(found: Mapping[str, Any]) -> str:
-    """ATE of each trajectory in cm and, where the true mesh is known, distance in cm and completion in %.
+    """ATE of each trajectory in cm and, if the true mesh is known, distance in cm and completion in %.
 
-    `found`: as `evaluate_run` returns it; what is not known is None there.
+    `found`: result of `evaluate_run`; unknown values are None.
     """
     ates_m = {name: ate.get("rmse_m") for name, ate in found.get("ate", {}).items()}
     known = [f"{name} {1e2 * ate_m:.2f} cm" for name, ate_m in ates_m.items() if ate_m is not None]
@@ -95,7 +95,7 @@ def evaluation_line(found: Mapping[str, Any]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a result can depend on."""
+    """Versions of Python and of the packages that may change a result."""
     return {
         "python": platform.python_version(),
         **{name: importlib.metadata.version(name) for name in _PACKAGES},
@@ -103,12 +103,12 @@ def versions() -> dict[str, str]:
 
 
 def source_commit() -> str:
-    """Commit of the source tree, with + if it has been changed since; empty outside of a checkout."""
+    """Commit of the source tree, with + if it has changes; empty outside of a checkout."""
     return commit_of(Path(__file__))
 
 
 def commit_of(file: Path) -> str:
-    """Commit of the repository that keeps a file; empty if none does, as of an installation below another."""
+    """Commit of the repository that tracks `file`, with + if it has changes; empty if none tracks it."""
     try:
         _git(file.parent, "ls-files", "--error-unmatch", file.name)
         commit = _git(file.parent, "rev-parse", "--short=12", "HEAD")

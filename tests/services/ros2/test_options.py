@@ -13,8 +13,8 @@ from hsslam_services.run.options import ServeOptions
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"ros2_out": "hsslam"}, "--ros2-out 'hsslam': expected a namespace as /hsslam"),
-        ({"ros2_out": "/1"}, "expected a namespace as /hsslam"),
+        ({"ros2_out": "hsslam"}, "--ros2-out 'hsslam': expected a namespace such as /hsslam"),
+        ({"ros2_out": "/1"}, "expected a namespace such as /hsslam"),
         ({"ros2_frame_prefix": "/a"}, "--ros2-frame-prefix '/a': expected .* as robot1/"),
         ({"base_T_camera": (0.0,) * 7}, "--base-T-camera .* norm 0: expected a unit quaternion"),
         (
