@@ -1,1 +1,1 @@
-"""What a user types: one module a command, with its options beside it."""
+"""The commands: one module for each, with its options."""

@@ -1,4 +1,4 @@
-"""The dataclass of options of every command, for what describes them all: completion and the reference."""
+"""Table of all commands and their dataclasses of options, for completion and docs/cli.md."""
 
 import importlib
 from collections.abc import Mapping
@@ -67,7 +67,7 @@ def options_of(command: str) -> list[Option]:
 
 
 def subcommands(command: str) -> list[str]:
-    """The words that may follow the command first: info, recover, ... for hsslam-log."""
+    """The subcommands of a command: info, recover, ... for hsslam-log."""
     start = f"{command} "
     found = [name.removeprefix(start) for name in OPTIONS if name.startswith(start)]
     if command == "hsslam":

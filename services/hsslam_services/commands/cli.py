@@ -1,4 +1,4 @@
-"""What the commands have in common: options from the command line, exit codes, a progress bar."""
+"""Shared parts of the commands: options from the command line, exit codes, a progress bar."""
 
 import errno
 import os
@@ -18,7 +18,7 @@ from hsslam_services.commands.options.parser import parsed
 
 _Options = TypeVar("_Options")
 Subcommand = Callable[[Sequence[str]], int | None]
-"""Takes the words behind its name; returns its exit code, None for 0."""
+"""Takes the arguments after its name; returns its exit code, None for 0."""
 _EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -58,9 +58,9 @@ def run_subcommand(
     args: Sequence[str],
     exit_codes: str = _EXIT_CODES,
 ) -> int | None:
-    """Run the subcommand that the first word names; `commands`: what runs it, and what it does, by name.
+    """Run the subcommand that the first argument names; `commands`: function and description, by name.
 
-    `exit_codes`: a line on them for the help (empty: each command has its own).
+    `exit_codes`: their line in the help (empty: each command has its own).
 
     Raises:
         UserError: there is no such subcommand.
@@ -82,9 +82,9 @@ def run_subcommand(
 
 
 def exit_code(command: Callable[[], int | None]) -> int:
-    """The exit code of the command: its own (0 if it returns None), 1 if it is interrupted or its output has
-    no reader or no room, 2 on bad input or too little memory. Bad input, too little memory and a full disk
-    are one line on stderr."""
+    """Run the command and return its exit code (0 for None), 1 if it is interrupted, its output is closed or
+    the disk is full, 2 on bad input or too little memory. Bad input, too little memory and a full disk are
+    reported in one line on stderr."""
     _open_closed_streams()
     try:
         try:
@@ -108,16 +108,15 @@ def exit_code(command: Callable[[], int | None]) -> int:
         elif not isinstance(error, BrokenPipeError):
             raise
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())  # for what is flushed at the end
+        os.dup2(nowhere, sys.stdout.fileno())  # Python flushes stdout at exit
         return 1
 
 
 def _open_closed_streams() -> None:
-    """Open /dev/null for each of stdin, stdout and stderr that the caller has closed; child processes get it,
-    too."""
+    """Open /dev/null for each of stdin, stdout and stderr that is closed; child processes inherit it."""
     for name, mode in _STREAMS.items():
         if getattr(sys, name) is None:
-            nowhere = os.open(os.devnull, os.O_RDWR)  # takes the number that is free
+            nowhere = os.open(os.devnull, os.O_RDWR)  # gets the free number
             os.set_inheritable(nowhere, True)
             setattr(sys, name, os.fdopen(nowhere, mode, errors="backslashreplace"))
 

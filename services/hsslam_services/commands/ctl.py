@@ -45,11 +45,11 @@ from hsslam_services.run.run_info import RunInfo
 
 _PROG = "hsslam-ctl"
 _DEFAULT_ROBOT = "robot"
-_LONGEST_S = 120.0  # in which a question is asked again
+_LONGEST_S = 120.0  # in which an unfinished request is sent again
 
 
 def print_status(status: Status) -> None:
-    """Print it as a table, names to the left."""
+    """Print the status as a table."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -59,7 +59,7 @@ def print_status(status: Status) -> None:
 
 
 def _rows(status: Status) -> list[tuple[str, str]]:
-    resets = f", thrown away {status.map_epoch} x" if status.map_epoch else ""
+    resets = f", reset {status.map_epoch} x" if status.map_epoch else ""
     processes = "  ".join(f"{name}:{state}" for name, state in status.processes.items())
     restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
     return [
@@ -127,9 +127,9 @@ def _ask(options: CtlOptions) -> None:
 def _answer(
     endpoint: str, robot: str, request: rpc.Request, message: Message, options: CtlOptions
 ) -> Message:
-    """Ask, and ask again as long as the service goes on with it.
+    """Send the request, and send it again while the service reports it unfinished.
 
-    It changes nothing to ask the map twice, so that is also done after a usual wait without an answer.
+    A query changes nothing, so it is also sent again after a timeout.
     """
     end_s = time.monotonic() + (options.timeout_s or _LONGEST_S)
     while True:
@@ -147,7 +147,7 @@ def _answer(
 
 
 def _whom(options: CtlOptions) -> tuple[str, str]:
-    """Endpoint and robot of the service that is meant."""
+    """Endpoint and robot of the service that the options select."""
     if options.connect:
         return options.connect, options.robot or _DEFAULT_ROBOT
     if options.run is not None:
@@ -167,7 +167,7 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
     ((place, run),) = runs.items()
     if run is None:
         raise NoServiceError(
-            f"no service: the run of {place} just begins, or is of another version"
+            f"no service: the run of {place} is starting, or is of another version"
         )
     return run.endpoint, run.robot
 

@@ -25,8 +25,8 @@ class CtlOptions:
       status                             frames, rate, latency, tracking, processes
       mesh                               the newest mesh as a PLY file (m, world frame)
       trajectory                         refined poses in TUM format (s, m, unit quaternion; camera to world)
-      query X Y Z                        distance, gradient, certainty of a place (m, world frame of the map)
-      locate X Y YAW                     look for the camera near a pose on the floor of the map (m, degrees)
+      query X Y Z                        distance, gradient, certainty at a point (m, world frame of the map)
+      locate X Y YAW                     relocalise near a pose on the floor of the map (m, degrees)
       save NAME                          save the map in the maps folder of the service
       pause, resume                      stop and restart the camera
       set-mode mapping|localise-only     change the map, or only track the camera in it
@@ -43,7 +43,7 @@ class CtlOptions:
 
     Without --connect and --run the command finds the run on this machine.
 
-    Exit codes: 0 if the service did it, 1 if there is no service, it refused or it did not answer in time,
+    Exit codes: 0 if the request is done, 1 if there is no service, it refused or it did not answer in time,
     2 if the input is bad.
 
     Raises:
@@ -99,7 +99,7 @@ class CtlOptions:
 
     @property
     def name(self) -> str:
-        """Of the map, or the mode."""
+        """Name of the map, or the mode."""
         return self.arguments[0]
 
     def numbers(self) -> tuple[float, ...]:
@@ -114,10 +114,10 @@ class CtlOptions:
         return found
 
     def expect_request(self) -> None:
-        """UserError if the request is unknown, or its argument is missing."""
+        """Raise UserError if the request is unknown, or its arguments are missing or wrong."""
         names = [request.name for request in REQUESTS]
         if self.request not in names:
-            what = f"{self.request}: unknown request" if self.request else "nothing asked"
+            what = f"{self.request}: unknown request" if self.request else "no request"
             raise UserError(
                 f"{what}: expected {' | '.join(names)}{did_you_mean(self.request, names)}"
             )
@@ -135,6 +135,6 @@ class CtlOptions:
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
-            raise UserError(f"--out {self.out}: expected a file .ply, which is what mesh writes")
+            raise UserError(f"--out {self.out}: mesh writes PLY: expected a file .ply")
         if self.out is not None and not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")

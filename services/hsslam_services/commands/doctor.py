@@ -1,4 +1,4 @@
-"""`hsslam-doctor`: checks a source before a run and reports in plain words what is wrong with it."""
+"""`hsslam-doctor`: checks a source before a run and reports its faults in plain words."""
 
 import sys
 from collections.abc import Sequence
@@ -82,7 +82,7 @@ class DoctorOptions:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command; exit code 0, 1 or 2, see `DoctorOptions`."""
     given = sys.argv[1:] if args is None else args
-    sys.exit(exit_code(lambda: 1 if _look(_options(given)) else 0))
+    sys.exit(exit_code(lambda: 1 if _check(_options(given)) else 0))
 
 
 def _options(args: Sequence[str]) -> DoctorOptions:
@@ -92,13 +92,13 @@ def _options(args: Sequence[str]) -> DoctorOptions:
     return options
 
 
-def _look(options: DoctorOptions) -> int:
-    """The number of faults."""
+def _check(options: DoctorOptions) -> int:
+    """Check the source and print the findings; returns the number of faults."""
     writable_kernel_cache()
     wanted = SourceOptions.among(options)
-    # a sequence that is fetched shows a bar of its own
+    # a download shows its own progress bar
     stamps = recorded_stamps(options.source, ALL_SOURCES)
-    with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
+    with Console(stderr=True, markup=False).status(f"checking {options.source}"):
         sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
         findings = list(examine(sample, stamps))
     if options.json is not None:
@@ -107,7 +107,7 @@ def _look(options: DoctorOptions) -> int:
     console.print(_table(sample, findings))
     for finding in findings:
         if finding.severity == "fault":
-            console.print(_mending(finding), soft_wrap=True)
+            console.print(_remedy(finding), soft_wrap=True)
     faults = sum(finding.severity == "fault" for finding in findings)
     notes = sum(finding.severity == "note" for finding in findings)
     console.print(f"{_counted(faults, 'fault')}, {_counted(notes, 'note')}")
@@ -120,9 +120,9 @@ def _counted(count: int, what: str) -> str:
 
 def _table(sample: Sample, findings: Sequence[Finding]) -> Table:
     of = "" if sample.frame_count is None else f" of {sample.frame_count}"
-    looked_at = len(sample.frames) + len(sample.bad)
+    checked = len(sample.frames) + len(sample.bad)
     table = Table(
-        title=f"{sample.name}: {looked_at}{of} frames looked at", title_justify="left", expand=False
+        title=f"{sample.name}: {checked}{of} frames checked", title_justify="left", expand=False
     )
     for name in ("check", "", "seen", "expected"):
         table.add_column(name, no_wrap=name in ("check", ""))
@@ -135,8 +135,8 @@ def _table(sample: Sample, findings: Sequence[Finding]) -> Table:
     return table
 
 
-def _mending(finding: Finding) -> Text:
-    """A fault and what to do about it, as one line."""
+def _remedy(finding: Finding) -> Text:
+    """A fault and its remedy in one line."""
     text = Text(f"{finding.name}: ", style=_STYLES["fault"])
     return text.append(f"{finding.seen}. To fix it: {finding.advice}.", style="not bold default")
 

@@ -13,7 +13,7 @@ from hsslam_services.commands.cli import exit_code
 
 _PROG = "hsslam"
 _COMPLETION = "completion"
-COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
+COMMANDS = {  # name: module, description; pyproject.toml registers the same
     "serve": ("hsslam_services.commands.serve", "tracks a camera, builds a mesh, logs everything"),
     "ctl": (
         "hsslam_services.commands.ctl",
@@ -24,7 +24,7 @@ COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
     "replay": ("hsslam_services.commands.log.replay", "publishes a log again"),
     "map": (
         "hsslam_services.commands.maps.command",
-        "asks a saved map, writes it for other tools",
+        "queries, exports and merges saved maps",
     ),
     "mesh": ("hsslam_services.commands.maps.mesh", "makes a mesh of a saved map"),
     "render": ("hsslam_services.commands.maps.render", "renders images of a saved map"),

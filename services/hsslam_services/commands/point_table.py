@@ -1,4 +1,4 @@
-"""What a map says of points, as users read it: a table, or JSON; apart as two commands print it."""
+"""Prints a map's answers for points as a table or JSON."""
 
 import json
 
@@ -13,7 +13,7 @@ _HEADS = ("x, m", "y, m", "z, m", "distance, m", "gradient", "known", "certainty
 
 
 def print_answers(points: np.ndarray, answers: MapAnswers, *, as_json: bool) -> None:
-    """One line for each of the points [N, 3] m."""
+    """Print one row for each of the points [N, 3] m."""
     if as_json:
         print(json.dumps([_record(points[k], answers, k) for k in range(len(points))], indent=1))
         return

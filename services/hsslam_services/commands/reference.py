@@ -1,6 +1,6 @@
-"""docs/cli.md, all commands and options, from the dataclasses of options, as `--help-all` is.
+"""Generates docs/cli.md, all commands and options, from the dataclasses of options, like `--help-all`.
 
-`make docs-update` writes it (cog).
+`make docs-update` (cog) calls it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,8 +38,8 @@ points = 1500
 
 Every run writes its effective options to `config.toml` in the run folder. `--config runs/desk` (or
 `--config runs/desk/config.toml`) repeats the run. The file does not contain `out`, so a repeated run gets a
-new folder and never overwrites the old one. It does not contain `config` either, and options without a value
-are left out. Relative paths in a file start at the working folder.
+new folder and never overwrites the old one. It does not contain `config` or options without a value either.
+Relative paths in a file start at the working folder.
 
 Options on the command line win over files, a later file wins over an earlier one, files win over the preset.
 A file that names its preset cannot be combined with another `--preset`.
@@ -103,5 +103,5 @@ def _rows(options: Sequence[Option], own: Sequence[tuple[str, str]]) -> Iterator
 
 
 def _cell(text: str) -> str:
-    """As a cell of a table."""
+    """The text, escaped for a cell of a table."""
     return text.replace("|", "\\|").replace("<", "&lt;")

@@ -1,4 +1,4 @@
-"""`hsslam-serve rescue DIR`: saves what the arena of an earlier run still holds."""
+"""`hsslam-serve rescue DIR`: saves the results in the arena of an earlier run."""
 
 import os
 import sys
@@ -15,12 +15,12 @@ from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
 
-_LOG = "log"  # in `not_saved`: what no arena holds
+_LOG = "log"  # in `not_saved`; no arena holds the log
 RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
-Saves trajectories, map and mesh that a run could not write (exit code 4) from its shared memory,
-which is kept then. DIR is the run folder, or the folder in /dev/shm. When all three are saved, the
-memory is freed. The log is not in it: hsslam-log recover makes what is on disk readable.
+Saves the trajectories, map and mesh that a run could not write (exit code 4) and kept in shared memory.
+DIR is the run folder, or the folder in /dev/shm. When all three are saved, the command frees the memory.
+The memory does not hold the log: hsslam-log recover makes the log on disk readable.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
 is interrupted."""
@@ -30,8 +30,8 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     """Run the command; returns the exit code.
 
     Raises:
-        UserError: a wrong argument, a run that is still at work, nothing to save from, or a cache of
-            kernels that cannot be written.
+        UserError: an argument is wrong, the run is still active, there is nothing to save, or the kernel
+            cache cannot be written.
     """
     if "-h" in args or "--help" in args:
         print(RESCUE_HELP)
@@ -43,13 +43,13 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     if not arena_dir.exists():
         not_saved = read_summary(run_dir).get("not_saved")
         if not_saved is not None and not_saved.keys() <= {_LOG}:
-            return _told(run_dir, not_saved)
+            return _report_log(run_dir, not_saved)
         raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
     try:
         with try_own(arena_dir) as is_free:
             if not is_free or living_processes(arena_dir):
                 raise UserError(
-                    f"{given}: its run or its rescue is going on: expected its end first"
+                    f"{given}: in use by its run or another rescue: expected a run that has ended"
                 )
             return _rescue(arena_dir, run_dir)
     except OSError as error:
@@ -82,11 +82,11 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)
-    return _told(run_dir, left)
+    return _report_log(run_dir, left)
 
 
-def _told(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
-    """All that an arena can hold is saved; says whether the log is, too."""
+def _report_log(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
+    """Report whether the log is saved, too; the rest is."""
     if _LOG in not_saved:
         print(f"{run_dir}: log not saved: {not_saved[_LOG]}", file=sys.stderr)
         return ExitCode.NOT_SAVED

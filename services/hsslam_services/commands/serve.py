@@ -1,4 +1,4 @@
-"""`hsslam-serve`: runs the service; apart from the supervisor, so that an early Ctrl-C is quiet."""
+"""`hsslam-serve`: runs the service; imports little, so that an early Ctrl-C prints no traceback."""
 
 import os
 import signal
@@ -21,12 +21,12 @@ def main() -> None:
 def _serve() -> int:
     try:
         if sys.argv[1:2] == ["warm-up"]:
-            # not by an exception: the compiler catches some, and goes on
+            # no exception: the compiler catches some, and goes on
             signal.signal(signal.SIGINT, lambda *_: _interrupted())
             from hsslam_services.commands.warm_up import warm_up_command
 
             return warm_up_command(sys.argv[2:])
-        os.umask(_ONLY_MINE)  # of all processes of the run: their results, logs and folders
+        os.umask(_ONLY_MINE)  # for all processes of the run: results, logs and folders
         if sys.argv[1:2] == ["rescue"]:
             from hsslam_services.commands.rescue import rescue_command
 
@@ -35,7 +35,7 @@ def _serve() -> int:
 
         options = parse_command_line(sys.argv[1:])
         from hsslam_node.kernels.cache_folder import writable_kernel_cache
-        from hsslam_services.supervisor.supervisor import Supervisor  # --help is quicker without
+        from hsslam_services.supervisor.supervisor import Supervisor  # late: --help is faster
 
         writable_kernel_cache()
 
@@ -45,14 +45,14 @@ def _serve() -> int:
 
 
 def _interrupted() -> NoReturn:
-    """End after Ctrl-C, which the supervisor hears itself once there is something to save.
+    """End after a Ctrl-C before a run, in warm-up or in rescue; later the supervisor handles signals.
 
-    Python would die of SIGINT if it came while code that is made of text (a dataclass) was run.
+    It uses `os._exit`, as a SIGINT while Python executes generated code (a dataclass) would kill Python.
     """
     text, code = "", 0
     match sys.argv[1:2]:
         case ["rescue"]:
-            text, code = "what it has not saved stays in memory", 4
+            text, code = "unsaved results stay in memory", 4
         case ["warm-up"]:
             text, code = "the next warm-up or run compiles the rest", 1
     if text:

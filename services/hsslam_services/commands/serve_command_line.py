@@ -1,4 +1,4 @@
-"""The command line of `hsslam-serve`: a preset gives the defaults, files of options go over it."""
+"""The command line of `hsslam-serve`: a preset gives the defaults, files of options override them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -34,7 +34,7 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
 def _layers(places: Sequence[str]) -> list[Layer]:
     if not places:
         return []
-    from hsslam_services.commands.options.config_file import read_layer  # most runs start without
+    from hsslam_services.commands.options.config_file import read_layer  # most runs need none
     from hsslam_services.commands.options.option_table import option_table
 
     table = option_table(ServeOptions)
@@ -44,15 +44,15 @@ def _layers(places: Sequence[str]) -> list[Layer]:
 def _preset(given: Mapping[str, Any], layers: Sequence[Layer]) -> Any:
     """The preset that gives the defaults.
 
-    A file that names its preset, as that of a run does, holds values for it: another preset on the command
-    line would change nothing but the name.
+    If a file names its preset, as config.toml of a run does, its values are for that preset: another preset
+    on the command line would change only the name.
     """
     named = [layer for layer in layers if "preset" in layer.values]
     of_files = named[-1].values["preset"] if named else "realtime"
     preset = given.get("preset", of_files)
     if named and preset != of_files:
         raise UserError(
-            f"--preset {preset}: {named[-1].place} is for preset {of_files}: expected this preset, "
-            "or a file without one"
+            f"--preset {preset}: {named[-1].place} is for preset {of_files}: expected --preset {of_files}, "
+            "or a file without a preset"
         )
     return preset

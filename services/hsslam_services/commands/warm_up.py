@@ -14,7 +14,7 @@ from hsslam_services.launch.warm_up import warm_up
 WARM_UP_HELP = """usage: hsslam-serve warm-up
 
 Compiles all kernels for this machine into the cache (about a minute) and makes the textures of the
-built-in room. Does nothing if that is done already.
+built-in room. Does nothing if both exist.
 
 Exit codes: 0 if the kernels are compiled, 1 if it is interrupted, 2 if the input is bad."""
 
@@ -23,7 +23,7 @@ def warm_up_command(args: Sequence[str]) -> int:
     """Run the command; returns the exit code.
 
     Raises:
-        UserError: an argument, or a cache folder that cannot be written.
+        UserError: there is an argument, or the cache folder cannot be written.
     """
     if args and args[0] in ("-h", "--help"):
         print(WARM_UP_HELP)

@@ -123,7 +123,7 @@ class Gateway:
             case _ if self._is_stopping:
                 asked.refuse("not_now", f"{asked.request.name}: the run is ending")
             case _ if self._reset.is_busy and asked.request is not rpc.RESET:
-                asked.refuse("busy", f"{asked.request.name}: the map is being thrown away")
+                asked.refuse("busy", f"{asked.request.name}: a reset is in progress")
             case rpc.LOCATE:
                 self._places.ask(asked)
             case rpc.SAVE:

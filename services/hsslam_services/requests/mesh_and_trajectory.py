@@ -83,9 +83,7 @@ def trajectory_so_far(
         return Refusal(reason="not_now", text="trajectory: there is no pose yet")
     if len(poses) > most:
         refused = f"trajectory: {len(poses)} frames: expected at most {most} in an answer"
-        instead = (
-            "trajectory.txt has them after the run, hsslam-log export has those of finished parts"
-        )
+        instead = "trajectory.txt has them after the run, hsslam-log export those of finished parts"
         return Refusal(reason="size", text=f"{refused}; {instead}")
     stamps_ns, numbers = np.empty(len(poses), "<i8"), np.empty((len(poses), 7), "<f8")
     count = 0

@@ -45,7 +45,7 @@ class InitialPose:
         if self._asked is not None:
             if not self._asked.done():
                 return
-            self._tell_answer(self._asked.result())
+            self._report(self._asked.result())
             self._asked = None
         payload = self._poses.newest()
         if payload is None:
@@ -75,7 +75,7 @@ class InitialPose:
         yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         return Locate(x=float(p.x), y=float(p.y), yaw_deg=float(np.rad2deg(yaw)))
 
-    def _tell_answer(self, answer: Located | Refusal) -> None:
+    def _report(self, answer: Located | Refusal) -> None:
         if isinstance(answer, Refusal):
             self._tell("warning", f"{TOPIC}: {answer.text}")
             return

@@ -52,7 +52,7 @@ class RunInfo:
 
     def write(self) -> None:
         """Write run.json and config.toml, each in one step; OSError if the folder is not writable."""
-        from hsslam_services.run.config_file import (  # TOML: the writer's only
+        from hsslam_services.run.config_file import (  # only the writer needs TOML
             CONFIG_FILE,
             config_text,
         )

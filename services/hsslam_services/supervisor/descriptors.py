@@ -5,7 +5,7 @@ import resource
 
 _WANTED = 65_536  # the hard limit may be a billion, and some programs loop over all descriptors
 _MOST_SESSIONS = 1000
-_DESCRIPTORS_PER_SESSION = 4  # of which a session takes one
+_DESCRIPTORS_PER_SESSION = 4  # a session takes one; the rest is for processes
 
 
 def allow_descriptors() -> None:

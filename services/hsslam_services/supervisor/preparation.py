@@ -86,8 +86,7 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
         skipped = [
-            (f"{path}: skipped: another user owns it, or it is a link", "info")
-            for path in foreign_arenas()
+            (f"{path}: skipped: of another user, or a link", "info") for path in foreign_arenas()
         ]
         repeated = [(text, "warning") for text in _repeated_effects(options)]
         router = router._replace(notices=(*router.notices, *skipped, *repeated))
@@ -119,7 +118,7 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
 def _repeated_effects(options: ServeOptions) -> list[str]:
     if not log_place(options.source):
         return []
-    from hsslam_services.log.source import repeated_effects  # MCAP, which few runs read
+    from hsslam_services.log.source import repeated_effects  # imports MCAP, which few runs need
 
     return repeated_effects(options)
 

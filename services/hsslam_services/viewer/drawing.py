@@ -31,7 +31,7 @@ class Intervals:
 
     `flush_s`: interval of chunks. The end of a file lists all its chunks, so rerun keeps 2.4 kB of each in
     memory until then.
-    `again_s`: interval of drawing the whole scene again, as a server drops old data.
+    `again_s`: interval of drawing camera, path, keyframes and loops again, as a server drops old data.
     """
 
     images_s: float

@@ -26,7 +26,7 @@ def blueprint() -> rrb.Blueprint:
     side = rrb.Vertical(
         rrb.Horizontal(
             rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
-            rrb.Spatial2DView(origin="/model", name="Map as seen from there"),
+            rrb.Spatial2DView(origin="/model", name="Rendered map"),
         ),
         rrb.Tabs(*plots, active_tab=0),
         rrb.TextLogView(origin="/events", name="Events"),

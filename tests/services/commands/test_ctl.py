@@ -38,7 +38,7 @@ _OF_RUN = ("camera", "recorder")
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ((), "nothing asked: expected status | mesh"),
+        ((), "no request: expected status | mesh"),
         (("statsu",), "statsu: unknown request: .*did you mean status"),
         (("save",), "save: expected save NAME"),
         (("status", "x"), "status x: expected status alone"),

@@ -116,4 +116,4 @@ def test_a_rescue_that_is_interrupted_has_not_saved_everything(tmp_path: Path):
         assert process.stderr is not None
         told = process.stderr.read()
     assert process.returncode == ExitCode.NOT_SAVED
-    assert told == "rescue interrupted: what it has not saved stays in memory\n"
+    assert told == "rescue interrupted: unsaved results stay in memory\n"

@@ -1,1 +1,1 @@
-"""`hsslam completion SHELL`: one script that completes all hsslam commands."""
+"""`hsslam completion SHELL`: prints a script that completes all hsslam commands."""

@@ -1,4 +1,4 @@
-"""`hsslam completion bash|zsh|fish`; a command is a file of its own."""
+"""The command `hsslam completion bash|zsh|fish`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -20,7 +20,7 @@ def completion_command(args: Sequence[str]) -> None:
     """Print the script.
 
     Raises:
-        UserError: no such shell.
+        UserError: the shell is not known.
     """
     options = parse_options(CompletionOptions, "hsslam completion", args)
     print(_SCRIPTS[options.shell]([completed(command) for command in OPTIONS]), end="")

@@ -39,7 +39,7 @@ def fish_script(commands: Sequence[Completed]) -> str:
 
 
 def _lines(command: Completed, commands: Sequence[Completed]) -> Iterator[str]:
-    """All of one command; of hsslam-log also as `hsslam log`."""
+    """The lines of a command, as hsslam-log and as `hsslam log`."""
     program, _, sub = command.command.partition(" ")
     used = f"__fish_seen_subcommand_from {sub}" if sub else ""
     if not sub and command.subcommands:

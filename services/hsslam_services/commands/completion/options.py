@@ -1,4 +1,4 @@
-"""The options of `hsslam completion`; a module of its own because the table of all options imports it."""
+"""The options of `hsslam completion`; separate, because the table of all options imports this module."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal

@@ -1,4 +1,4 @@
-"""What a shell proposes at each place of a command line, whatever the shell."""
+"""Completions at each place of a command line, for all shells."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,13 +27,13 @@ class Values:
     """The values of an option or a positional."""
 
     paths: Literal["none", "file", "folder"]
-    words: tuple[str, ...]  # one that ends in : is the beginning of a value
+    words: tuple[str, ...]  # a word that ends in : is the start of a value
     is_list: bool
 
 
 @dataclass(frozen=True)
 class CompletedOption:
-    """One option with what may follow it; `values` is None for a switch."""
+    """One option and its values; None for a switch."""
 
     flags: tuple[str, ...]
     help: str
@@ -51,7 +51,7 @@ class Completed:
 
 
 def completed(command: str) -> Completed:
-    """All that a shell proposes after this command."""
+    """All completions after this command."""
     table = options_of(command)
     positionals = [option for option in table if option.is_positional]
     options = [
@@ -90,5 +90,5 @@ def _values(option: Option) -> Values | None:
 
 
 def _first_words(text: str) -> str:
-    """The help as far as a line of a menu has room for it."""
+    """The help, shortened to a line of a menu."""
     return text if len(text) <= 80 else f"{text[:77].rsplit(' ', 1)[0]}..."

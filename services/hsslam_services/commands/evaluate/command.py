@@ -1,4 +1,4 @@
-"""`hsslam-eval`: a run, or a trajectory and a mesh, against ground truth: table, JSON, pictures."""
+"""`hsslam-eval`: scores a run, or a trajectory and a mesh, against ground truth: table, JSON, plots."""
 
 import sys
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ def _evaluate(options: EvalOptions) -> None:
         written.append(_write_json(options.json, figures))
     folder = options.plots or _own_folder(options.run)
     if folder is not None:
-        from hsslam_node.evaluation.plots import draw_plots  # matplotlib takes its time
+        from hsslam_node.evaluation.plots import draw_plots  # matplotlib is slow to import
 
         written += draw_plots(found, subject.trajectories, folder)
     beside = folder or (options.json.parent if options.json else None)
@@ -82,7 +82,7 @@ def _evaluate(options: EvalOptions) -> None:
 
 
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
-    """What is judged, and what is said of it beside the figures."""
+    """The subject of the evaluation, and entries beside its figures."""
     about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
     source = (
         RecordedSource(options.source, SourceOptions.among(options)) if options.source else None
@@ -101,16 +101,16 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
 
 
 def _given_poses(path: Path, source: RecordedSource) -> Trajectory:
-    """With the stamps of the source's frames, by which meshes and consistency find them."""
+    """The poses with the stamps of the source's frames, which scores of mesh and consistency need."""
     found = read_tum(path)
     if len(found) == 0:
-        raise UserError(f"--trajectory {path}: no poses: expected some in TUM format")
+        raise UserError(f"--trajectory {path}: no poses: expected poses in TUM format")
     truth = open_ground_truth(source.spec, source.options)
     return found if truth is None else at_true_stamps(found, truth.trajectory)
 
 
 def _own_folder(run: str) -> Path | None:
-    """Where the pictures of a run go if nothing is said."""
+    """Default folder of the plots of a run; None for a log."""
     return Path(run) / "evaluation" if run and not is_log(run) else None
 
 

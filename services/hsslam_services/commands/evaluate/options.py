@@ -43,13 +43,13 @@ class EvalOptions:
     VALUES: ClassVar = {"run": "[RUN]", "source": "SOURCE", "plots": "FOLDER"}
 
     run: str = ""
-    """Run folder, or its log (mcap:FILE); both know their source. For a killed run and for a log, poses and
-    mesh are those of the log, which is recovered first if it is unfinished."""
+    """Run folder, or its log (mcap:FILE); both name their source. For a killed run and for a log, the command
+    scores poses and mesh of the log, and first recovers an unfinished log."""
     trajectory: Path | None = None
     """Trajectory in TUM format (s, m, unit quaternion; camera to world), instead of a run."""
     mesh: Path | None = None
     """Mesh (m; .glb, .gltf, .obj, .off, .ply or .stl) in the world frame of the trajectory, or of the truth
-    if there is no trajectory; not scored if fewer than 3 poses have a true one, which align it. A .glb or
+    if there is no trajectory; not scored if fewer than 3 poses have a true pose to align it. A .glb or
     .gltf has y up and z back, as that of hsslam-map export."""
     source: str = ""
     """Source of the truth: synth:room, tum:FOLDER, replica:FOLDER (empty: that of the run)."""
@@ -66,7 +66,7 @@ class EvalOptions:
     """Seed of surface samples and virtual views, and of the noise if there is no run."""
     against: Literal["none", "tsdf"] = "none"
     """tsdf: also score TSDFs that Open3D fuses from the same depth and poses, with voxels of 2 cm and a
-    truncation distance of 6 cm, and with 3 and 12 cm; with --tsdf options one TSDF of these."""
+    truncation distance of 6 cm, and with 3 and 12 cm; if --tsdf options are set, one TSDF with these."""
     tsdf: TsdfOptions = field(default_factory=TsdfOptions)
     depth_views: int = 1000
     """Number of virtual views for depth L1 (0: no depth L1)."""
@@ -91,13 +91,13 @@ class EvalOptions:
 
     @property
     def tsdf_settings(self) -> tuple[TsdfOptions, ...]:
-        """Of the TSDFs that are scored, too."""
+        """Settings of the TSDFs to score."""
         if self.against == "none":
             return ()
         return TSDF_SETTINGS if self.tsdf == TsdfOptions() else (self.tsdf,)
 
     def expect_subject(self) -> None:
-        """UserError if the options do not name what to score, or the ground truth."""
+        """Raise UserError if the options name nothing to score, or no ground truth."""
         if self.run and (self.trajectory or self.mesh or (self.source and not is_log(self.run))):
             raise UserError(
                 "RUN: has its own trajectory, mesh and source: expected RUN without them"

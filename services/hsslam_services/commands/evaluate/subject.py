@@ -1,4 +1,4 @@
-"""What an evaluation reads: a run folder, or the log of a killed run."""
+"""Reads the subject of an evaluation: a run folder, or the log of a killed run."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,13 +30,13 @@ from hsslam_services.run.summary import read_summary
 def log_subject(
     place: str, given: RecordedSource | None, say: Say
 ) -> tuple[Subject, dict[str, Any]]:
-    """Poses and the newest mesh of the log (a file or a run folder), and what is said of them.
+    """Poses and the newest mesh of the log (a file or a run folder), and entries beside the figures.
 
-    `given`: the source whose truth is meant; none: as the log tells. Frames that cannot be read again, which
-    have no truth, are those of the log.
+    `given`: the source of the truth; None: that of the log. If the source cannot be read again, and so has no
+    truth, frames come from the log.
 
     Raises:
-        UserError: not a log, or none that tells its source; or it holds no poses.
+        UserError: `place` is no log, or the log does not name its source or holds no poses.
     """
     files = log_parts(place, say)
     found = logged_poses(files)
@@ -45,7 +45,7 @@ def log_subject(
     run = logged_options(files)
     source = given
     if source is None and run is None:
-        raise UserError(f"{place}: does not tell what it was recorded from: expected --source too")
+        raise UserError(f"{place}: does not name its source: expected --source, too")
     if source is None and run is not None:
         if comes_once(run.source):
             source = RecordedSource(f"mcap:{place}", SourceOptions())
@@ -73,7 +73,8 @@ def log_subject(
 
 
 def _options(run: ServeOptions, files: list[Path], found: LoggedPoses) -> SourceOptions:
-    """Of the source, for the frames that the log holds or has a pose of; of several cameras: of all."""
+    """Options of the source for the frames that the log has, or has poses of; for all if there are several
+    cameras."""
     frames = {(pose.publisher, pose.index) for pose in found.poses}
     for logged in bus_messages(files, {FRAME.name}):
         message = logged.message()
@@ -87,19 +88,19 @@ def _options(run: ServeOptions, files: list[Path], found: LoggedPoses) -> Source
 def run_subject(
     place: str, given: RecordedSource | None, say: Say
 ) -> tuple[Subject, dict[str, Any]]:
-    """What the run left, and what is said of it beside its figures; of a log, or where a killed run has
-    left no trajectory, what the log has.
+    """The results of a run, and entries beside its figures; for a log, or a killed run without a trajectory,
+    those of the log.
 
-    `given`: the source whose truth is meant, for a log that does not tell.
+    `given`: the source of the truth, for a log that does not name it.
 
     Raises:
-        UserError: neither run folder nor log, or a file in it is malformed.
+        UserError: `place` is neither run folder nor log, or a file in it is malformed.
     """
     folder = Path(place)
     if is_log(place):
         return log_subject(log_place(place) or place, given, say)
     if folder.is_dir() and parts(folder) and not (folder / "trajectory.txt").exists():
-        say(f"{place}: no trajectory.txt: what its log has is scored")
+        say(f"{place}: no trajectory.txt: scoring poses and mesh of its log")
         return log_subject(place, given, say)
     return _folder_subject(folder, say)
 
@@ -133,15 +134,15 @@ def _folder_subject(folder: Path, say: Say) -> tuple[Subject, dict[str, Any]]:
 def _source_of_run(
     folder: Path, run: ServeOptions, counts: dict[str, int], say: Say
 ) -> RecordedSource:
-    """What the frames of a run came from; its own log if they cannot be read again."""
+    """The source of the frames of a run; its own log if the source cannot be read again."""
     if not comes_once(run.source):
-        read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
+        read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run read fewer frames
         return recorded_source(
             run.source, replace(run.source_options, frames=read or run.frames), say
         )
     if not parts(folder):
         raise UserError(
             f"{folder}: nothing to score: --source {run.source} cannot be read again, and there is no log: "
-            "expected run.mcap with them"
+            "expected run.mcap with its frames"
         )
     return RecordedSource(f"mcap:{folder}", SourceOptions())

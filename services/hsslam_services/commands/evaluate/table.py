@@ -1,4 +1,4 @@
-"""The figures of an evaluation as tables for people: cm, mm, degrees, %, dB."""
+"""The figures of an evaluation as printed tables: cm, mm, degrees, %, dB."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ _PROTOCOLS = {"mesh": "exact", "mesh_literature": "lit."}
 
 
 def eval_table(figures: Mapping[str, Any]) -> list[Table]:
-    """One table for each group of figures that is there; `figures` as in the JSON file."""
+    """One table for each group of figures present; `figures` as in the JSON file."""
     made = (_trajectories(figures), _meshes(figures), _rendering(figures), _consistency(figures))
     return [table for table in made if table is not None]
 
@@ -39,7 +39,7 @@ def _trajectories(figures: Mapping[str, Any]) -> Table | None:
 
 
 def _meshes(figures: Mapping[str, Any]) -> Table | None:
-    """A line for each mesh and protocol; the depth error stands with the exact one."""
+    """A row for each mesh and protocol; the rows of the exact protocol have the depth error, too."""
     scored = {"ours": figures, **figures.get("tsdf", {})}
     lines = [
         (name, protocol, found[key], found.get("depth_l1", {}) if key == "mesh" else {})
@@ -81,8 +81,8 @@ def _rendering(figures: Mapping[str, Any]) -> Table | None:
     found = figures.get("rendering")
     if not found:
         return None
-    names = ("PSNR, dB", "SSIM", "pixels drawn, %", "images")
-    table = Table(*names, title="frames that are not keyframes, drawn", title_justify="left")
+    names = ("PSNR, dB", "SSIM", "pixels rendered, %", "images")
+    table = Table(*names, title="rendering of frames that are not keyframes", title_justify="left")
     table.add_row(
         _number(found["psnr_db"], 1, 2),
         _number(found["ssim"], 1, 3),
@@ -103,7 +103,7 @@ def _consistency(figures: Mapping[str, Any]) -> Table | None:
         table.add_column(f"{whose}: mm", justify="right")
         table.add_column("1 - NCC", justify="right")
         table.add_column("pairs", justify="right")
-    table.caption = "pairs: of those that the frames make; where poses are worst, frames make none"
+    table.caption = "pairs: scored / possible; frames with the worst poses form no pairs"
     for row in zip(*found.values(), strict=True):
         cells = [str(row[0]["gap_frames"])]
         for one in row:
@@ -114,7 +114,7 @@ def _consistency(figures: Mapping[str, Any]) -> Table | None:
 
 
 def _origin(figures: Mapping[str, Any]) -> str:
-    """Source, seed, preset and commit, as far as they are known."""
+    """Source, preset, seed and commit, as far as they are known."""
     parts = [str(figures.get("source", ""))]
     if figures.get("noise") not in (None, "none"):
         parts.append(f"{figures['noise']} noise")

@@ -1,1 +1,1 @@
-"""`hsslam-log` and `hsslam-replay`: look at, recover, trim, export and replay logs."""
+"""`hsslam-log` and `hsslam-replay`: inspect, recover, trim, export and replay logs."""

@@ -72,7 +72,7 @@ def _export(args: Sequence[str]) -> None:
 
 
 def _beside(place: Path) -> Path:
-    """The folder of the export: beside the log or run folder, by the name of what a link leads to."""
+    """The folder of the export, beside the log or run folder; links are resolved for its name."""
     whole = place.resolve()
     parent = whole.parent if place.name in ("", "..") else place.parent
     return parent / f"{whole.name if whole.is_dir() else whole.stem}-export"
@@ -90,7 +90,7 @@ def _echo(text: str) -> None:
 
 _COMMANDS: dict[str, tuple[Subcommand, str]] = {
     "info": (_info, "shows what logs contain"),
-    "recover": (_recover, "makes a log readable that is unfinished or damaged"),
+    "recover": (_recover, "makes an unfinished or damaged log readable"),
     "trim": (_trim, "copies a part of a log"),
     "export": (_export, "writes trajectory, mesh, frames and a rerun recording"),
 }

@@ -1,4 +1,4 @@
-"""`hsslam-log export`: a log as files for other programs; the poses in several formats."""
+"""`hsslam-log export`: writes a log as files for other programs; poses in several formats."""
 
 import csv
 from collections.abc import Collection, Iterator
@@ -40,13 +40,13 @@ def export(
     say: Say,
     form: TrajectoryFormat = "tum",
 ) -> Iterator[str]:
-    """Write the wanted parts of the log into the folder; yields a line for each that is written.
+    """Write the parts `only` of the log into the folder; yields a line for each file written.
 
-    `say` takes a line for each part that the log does not hold. If the folder has frames already, or a folder
-    run.rrd, the command writes nothing.
+    `say` gets a line for each part that the log lacks. If the folder already has frames, or a folder
+    run.rrd, this writes nothing.
 
     Raises:
-        UserError: the folder cannot be written, or holds such files of another log that are in the way.
+        UserError: the folder cannot be written, or already has frames or a folder run.rrd.
     """
     _expect_room(folder, only)
     try:
@@ -73,7 +73,7 @@ def export(
 def _expect_room(folder: Path, only: Collection[Part]) -> None:
     for frames in (folder / "frames", *folder.glob("frames-[0-9]*")):
         if "frames" in only and (frames / "rgb.txt").exists():
-            raise UserError(f"{frames}: holds frames already: expected a new folder")
+            raise UserError(f"{frames}: already holds frames: expected a new folder")
     if "rrd" in only and (folder / "run.rrd").is_dir():
         raise UserError(f"{folder / 'run.rrd'}: is a folder: expected a file, or nothing there")
 
@@ -81,13 +81,13 @@ def _expect_room(folder: Path, only: Collection[Part]) -> None:
 def export_trajectory(
     files: list[Path], folder: Path, say: Say, form: TrajectoryFormat
 ) -> Iterator[str]:
-    """Write trajectories, each in the format, as trajectory.txt; yields what it wrote.
+    """Write trajectories in this format; yields a line for each file.
 
-    trajectory_online: poses as they were published, without those of lost frames; trajectory: the same as
-    refined later; keyframes: keyframes where the last correction put them; trajectory_fragment_1: poses of a
-    fragment that has not joined the map. trajectory_online.csv has all published poses with what is known of
-    each; it takes the place of trajectory_online in the format csv. Where the map was thrown away, these are
-    of the last map epoch, and those before have the number of theirs in the name, as trajectory.epoch0.txt.
+    trajectory_online: poses as published, without lost frames; trajectory: the same poses, refined;
+    keyframes: refined poses of keyframes; trajectory_fragment_1: poses of a fragment that has not joined the
+    map. trajectory_online.csv has all fields of all published poses; in the format csv it replaces
+    trajectory_online. After a reset of the map, these belong to the last map epoch; files of earlier epochs
+    have the epoch in their name, as trajectory.epoch0.txt.
     """
     epochs = logged_epochs(files)
     poses = [pose for found in epochs.values() for pose in found.poses]

@@ -1,4 +1,4 @@
-"""The frames of a log as a folder in TUM layout."""
+"""Writes the frames of a log as a folder in TUM layout."""
 
 import json
 from collections.abc import Iterator
@@ -17,10 +17,10 @@ _LISTS = {"rgb": "timestamp file", "depth": "timestamp file", "associations": "c
 
 
 def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
-    """rgb/, depth/, rgb.txt, depth.txt, associations.txt and camera.json, as `tum:<folder>` opens it.
+    """Write rgb/, depth/, rgb.txt, depth.txt, associations.txt and camera.json for `tum:<folder>`.
 
-    Images are the bytes of the log: colour as JPEG or PNG, depth as 16-bit PNG. Frames of a camera of another
-    size or lens go to a folder of their own beside it, frames-2, .... Yields what it wrote.
+    Images are the bytes of the log: colour as JPEG or PNG, depth as 16-bit PNG. Frames with other intrinsics
+    go to a separate folder beside it, frames-2, .... Yields a line for each folder.
     """
     order, found = FrameOrder(), dict[str, _Lists]()
     with ExitStack() as written, log_progress("frames", files) as progress:
@@ -28,7 +28,7 @@ def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
             frame = logged.message()
             assert isinstance(frame, messages.Frame)
             if not order.is_new(frame.publisher, frame.index, frame.stamp_ns):
-                continue  # sent again
+                continue  # a frame that was sent again
             camera = _camera(frame)
             if camera not in found:
                 number = f"-{len(found) + 1}" if found else ""
@@ -36,18 +36,18 @@ def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
                 found[camera] = written.enter_context(lists)
             found[camera].add(compress_frame(frame, "png"))
     if not found:
-        say("no frames: the log holds none")
+        say("no frames: the log has none")
     for lists in found.values():
         yield f"{lists.folder}: {lists.count} frames, for --source tum:{lists.folder}"
 
 
 class _Lists:
-    """The folder of the images of one camera, with its lists; made when the first frame comes."""
+    """The folder of the images of one camera and its lists; made with the first frame."""
 
     def __init__(self, folder: Path, camera: str) -> None:
         self.folder, self.count = folder, 0
         self._camera = camera
-        self._written: dict[str, int] = {}  # frames with this stamp
+        self._written: dict[str, int] = {}  # number of frames, by stamp
         self._lines: dict[str, list[str]] = {name: [f"# {what}\n"] for name, what in _LISTS.items()}
 
     def __enter__(self) -> "_Lists":
@@ -62,7 +62,7 @@ class _Lists:
     def add(self, frame: messages.Frame) -> None:
         stamp = format_stamp(frame.source_stamp_ns)
         number = self._written[stamp] = self._written.get(stamp, 0) + 1
-        name = stamp if number == 1 else f"{stamp}-{number}"  # a camera that repeats its stamp
+        name = stamp if number == 1 else f"{stamp}-{number}"  # the camera repeats its stamp
         color = f"rgb/{name}.{'jpg' if frame.color_encoding == 'jpeg' else 'png'}"
         depth = f"depth/{name}.png"
         for file, data in ((color, frame.color), (depth, frame.depth)):
@@ -76,7 +76,7 @@ class _Lists:
 
 
 def _camera(frame: messages.Frame) -> str:
-    """Its `camera.json`; frames on the bus have no distortion."""
+    """The camera.json of a frame; frames on the bus have no distortion."""
     camera = {
         "width": frame.width_px,
         "height": frame.height_px,

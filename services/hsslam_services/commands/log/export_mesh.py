@@ -1,4 +1,4 @@
-"""The newest mesh of a log as files; apart from `export`, so that trimesh comes with a mesh only."""
+"""Writes the newest mesh of a log; separate from `export`, which then imports trimesh only for a mesh."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,11 +9,11 @@ from hsslam_services.log.reader import Say
 
 
 def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
-    """mesh.ply in the world of the poses, and mesh.glb turned to y up; vertex colours, m. Yields what
-    it wrote; nothing where there is none of the last map."""
+    """Write mesh.ply in the world of the poses, and mesh.glb with y up; vertex colours, m. Yields a line for
+    each file; nothing if the last map has no mesh."""
     mesh = newest_mesh(files)
     if mesh is None:
-        say("no mesh: the log holds none")
+        say("no mesh: the log has none")
         return
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name

@@ -1,4 +1,4 @@
-"""A log for the rerun viewer, with its mesh; apart from `export`, so that rerun comes with it only."""
+"""Writes a log for the rerun viewer; separate from `export`, which then imports rerun only for this."""
 
 import os
 import shutil
@@ -18,10 +18,10 @@ from hsslam_services.viewer.scene import RerunScene
 
 
 def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
-    """Draw every message that the viewer shows, none thinned out; yields what it wrote.
+    """Draw every message that the viewer shows, without thinning; yields a line for the file.
 
     Raises:
-        OSError: the file cannot be written whole; then there is none.
+        OSError: the file cannot be written; then no partial file remains.
     """
     stream = rr.RecordingStream("hsslam", recording_id=_recording_id(files))
     stream.send_recording_name(_recording_name(files))
@@ -46,22 +46,22 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
 
 
 def _recording_id(files: list[Path]) -> str:
-    """The same for the same messages, wherever their log lies: viewers merge recordings of one id."""
+    """An id of the messages, independent of the path: viewers merge recordings of the same id."""
     with log_reader(files[0]) as first, log_reader(files[-1]) as last:
         span = f"{start_ns(first)}-{end_ns(last)}"
     return f"{run_metadata(files[0]).get('run_id', 'log')}-export-{span}"
 
 
 def _recording_name(files: list[Path]) -> str:
-    """For people: the folder and the files."""
+    """The name in the viewer: the folder and the files."""
     first, last = files[0].resolve(), files[-1].resolve()
     return f"{first.parent.name}/{first.name}" + (f" to {last.name}" if len(files) > 1 else "")
 
 
 class _Written(threading.Thread):
-    """Brings what rerun writes to `pipe` to the file, up to its end.
+    """Copies the output of rerun from `pipe` to the file.
 
-    It goes on reading after an error, as of a full disk: rerun waits for ever for a file that takes no more.
+    It reads on after an error, as on a full disk: rerun would wait forever for a pipe that takes no data.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,7 +72,7 @@ class _Written(threading.Thread):
         self.pipe = f"/proc/self/fd/{self._writing}"
 
     def start(self) -> None:
-        """Begin once rerun has opened the pipe, which ends with it."""
+        """Start after rerun has opened the pipe; the pipe ends when rerun closes it."""
         os.close(self._writing)
         super().start()
 

@@ -1,4 +1,4 @@
-"""`hsslam-log info`: what a log holds, all its parts as one, and how often its topics come."""
+"""`hsslam-log info`: contents of a log over all its parts, and the rates of its topics."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -25,8 +25,8 @@ _OPCODE_AND_LENGTH_BYTES = 1 + 8
 def channel_spans(stream: IO[bytes], summary: Summary) -> dict[int, float]:
     """Seconds from the first to the last message of each channel, by its id.
 
-    Read are the message indexes of the first and the last chunk that hold a channel. Messages outside
-    of chunks are not seen.
+    It reads the message indexes of the first and the last chunk of each channel, so it ignores messages
+    outside of chunks.
     """
     first: dict[int, ChunkIndex] = {}
     last: dict[int, ChunkIndex] = {}
@@ -49,7 +49,7 @@ def _times(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> list[int]:
 
 @dataclass
 class _Channel:
-    """Messages of a topic and the seconds from the first to the last in each part."""
+    """Messages of a topic; `span_s`: seconds from the first to the last in each part, summed."""
 
     schema: str
     count: int = 0
@@ -57,7 +57,7 @@ class _Channel:
 
 
 def log_info(files: list[Path]) -> Iterator[Text | Table]:
-    """The parts of a log in a line, the run in another, the topics of all parts in a table.
+    """A line for the parts of a log, a line for the run, and a table of the topics of all parts.
 
     Raises:
         UserError: a file is damaged.
@@ -112,8 +112,8 @@ def _topics(channels: Mapping[str, _Channel]) -> Table:
     table.add_column("messages", justify="right")
     table.add_column("rate, Hz", justify="right")
     for topic, channel in sorted(channels.items()):
-        is_told = channel.span_s > 0 and channel.count > 2
-        rate = f"{(channel.count - 1) / channel.span_s:.2f}" if is_told else "-"
+        has_rate = channel.span_s > 0 and channel.count > 2
+        rate = f"{(channel.count - 1) / channel.span_s:.2f}" if has_rate else "-"
         table.add_row(topic, channel.schema, str(channel.count), rate)
     return table
 
@@ -127,11 +127,11 @@ def _run_line(run: Mapping[str, str]) -> str:
         words = list(_differences(given, usual, ""))
     except (msgspec.MsgspecError, AttributeError):
         return f"{line}, options of another version"
-    return f"{line}: {' '.join(words) if words else 'all options as by default'}"
+    return f"{line}: {' '.join(words) if words else 'default options'}"
 
 
 def _differences(given: Any, usual: Any, group: str) -> Iterator[str]:
-    """Options, as one would write them, that are not as by default; `group`: what their names begin with."""
+    """Options that differ from the default, as on the command line; `group`: prefix of their names."""
     for key, value in given.items():
         default = usual.get(key) if isinstance(usual, Mapping) else None
         if isinstance(value, Mapping):

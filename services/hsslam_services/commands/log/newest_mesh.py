@@ -1,4 +1,4 @@
-"""The newest mesh of a log: the final one, or the live one put together from its blocks."""
+"""The newest mesh of a log: the final mesh, or the live mesh assembled from its blocks."""
 
 from pathlib import Path
 
@@ -14,11 +14,10 @@ from hsslam_services.log.reader import Logged, bus_messages
 
 
 def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
-    """Coloured triangles (m, world of the poses) from the files of one log; None if they hold none of
-    the last map.
+    """Coloured triangles (m, world of the poses) from the files of one log; None if the last map has no mesh.
 
     Raises:
-        UserError: a file is damaged, or of a version that cannot be read.
+        UserError: a file is damaged, or of an unknown version.
     """
     final: Logged | None = None
     live = AssembledMesh()

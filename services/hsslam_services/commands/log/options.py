@@ -1,4 +1,4 @@
-"""The options of `hsslam-log`: one frozen dataclass a command, one field an option."""
+"""The options of `hsslam-log`: a frozen dataclass for each command, a field for each option."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,10 +28,10 @@ class InfoOptions:
 
 @dataclass(frozen=True)
 class RecoverOptions:
-    """Checks all sums of a log, and makes it readable if it is unfinished or damaged.
+    """Checks all checksums of a log, and makes it readable if it is unfinished or damaged.
 
-    An unfinished file gets its end, in place. Of a damaged file all that is whole is kept; the original
-    stays as NAME.damaged.mcap beside it.
+    The command completes an unfinished file in place. It keeps all intact data of a damaged file; the
+    original stays as NAME.damaged.mcap beside it.
 
     Example:
       hsslam-log recover runs/desk/run.mcap
@@ -84,7 +84,7 @@ class ExportOptions:
 
     Files:
       trajectory_online.txt, .csv     poses as published (TUM: s, m, unit quaternion xyzw, camera to world)
-      trajectory.txt, keyframes.txt   poses as refined later
+      trajectory.txt, keyframes.txt   refined poses
       trajectory_fragment_1.txt       poses of a fragment that has not joined the map, in its own frame
       mesh.ply, mesh.glb              the mesh; PLY with y down and z forward, glTF with y up
       frames/                         images in TUM layout, for --source tum:FOLDER; second camera: frames-2/
@@ -94,7 +94,7 @@ class ExportOptions:
       tum      .txt         s, m, unit quaternion xyzw
       kitti    .kitti.txt   three rows of the 4 x 4 matrix, m; stamps (s) in .kitti.times.txt
       euroc    .euroc.csv   ns, m, unit quaternion wxyz
-      csv      .csv         as tum, with commas and names of columns
+      csv      .csv         as tum, with commas and a header
     """
 
     POSITIONALS: ClassVar = ("file",)
@@ -105,6 +105,6 @@ class ExportOptions:
     out: Path | None = None
     """Output folder (none: FILE-export, FILE without its suffix)."""
     only: tuple[Part, ...] = PARTS
-    """What to export."""
+    """Parts to export."""
     format: TrajectoryFormat = "tum"
     """Format of the trajectories."""

@@ -1,4 +1,4 @@
-"""A bar on stderr while a log is read through."""
+"""A progress bar on stderr for reading a log."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from hsslam_services.log.reader import Logged, end_ns, log_reader, start_ns
 
 @contextmanager
 def log_progress(what: str, files: list[Path]) -> Iterator["LogProgress"]:
-    """How much of the log's time lies behind; shown on a terminal only, and nothing of it stays there.
+    """A progress bar over the log's time; only on a terminal, and removed at the end.
 
     Raises:
         UserError: the first or the last file is damaged.
@@ -34,10 +34,10 @@ class LogProgress:
     """Moves the bar as the caller takes messages from the log."""
 
     def __init__(self, move: Callable[[int], None]) -> None:
-        self.move = move  # to what was logged at this time, wall clock, ns
+        self.move = move  # to this log time, wall clock, ns
 
     def over(self, logged: Iterable[Logged]) -> Iterator[Logged]:
-        """The same, in the same order."""
+        """Yield the same messages, and move the bar."""
         for entry in logged:
             self.move(entry.log_ns)
             yield entry

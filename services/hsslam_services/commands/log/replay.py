@@ -65,13 +65,13 @@ class ReplayOptions:
     log: str = ""
     """The log, or a run folder (all parts of the log)."""
     rate: float = 1.0
-    """Speed, times that of the recording."""
+    """Speed as a multiple of the recording's."""
     step: bool = False
-    """Publish each frame when the service has tracked the one before (in lockstep: and mapped it)."""
+    """Publish each frame after the service has tracked (in lockstep also mapped) the frame before."""
     only: tuple[str, ...] = ()
     """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --connect in/**)."""
     connect: str = ""
-    """Router of the service to feed, as tcp/HOST:PORT (empty: be the router)."""
+    """Router of the service to feed, as tcp/HOST:PORT (empty: open a router)."""
     robot: str = ""
     """Robot in the keys (empty: that of the log)."""
     security: str = ""
@@ -95,11 +95,11 @@ class ReplayOptions:
         if self.step and not self.connect:
             raise UserError("--step: waits for a service: expected --connect tcp/HOST:PORT")
         if self.step and self.rate != 1.0:
-            raise UserError("--rate: expected without --step, which goes as fast as it is answered")
+            raise UserError("--rate: expected without --step, which waits for the service")
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Exit code 0: replayed; 1: interrupted; 2: bad input, told in one line."""
+    """Run the command; exit code 0, 1 or 2, see `ReplayOptions`."""
     return exit_code(lambda: _replay(sys.argv[1:] if args is None else args))
 
 
@@ -113,9 +113,7 @@ def _replay(args: Sequence[str]) -> None:
     files = log_parts(user_path(options.log), _echo)
     of_log = next((logged.robot for logged in bus_messages(files, names)), None)
     if of_log is None:
-        raise UserError(
-            f"{options.log}: none of {', '.join(sorted(names))}: expected such messages"
-        )
+        raise UserError(f"{options.log}: no messages: expected some on {', '.join(sorted(names))}")
     robot = options.robot or of_log
     with contextlib.ExitStack() as stack:
         endpoint = options.connect
@@ -139,7 +137,7 @@ def _replay(args: Sequence[str]) -> None:
 
 
 def _expect_input(patterns: Sequence[str], names: Iterable[str]) -> None:
-    """A service takes what it tracks from others, and publishes the rest itself."""
+    """Raise UserError unless all topics are inputs: the service publishes the others itself."""
     refused = sorted(name for name in names if not name.startswith("in/"))
     if refused:
         given = f"--only {' '.join(patterns)}: {refused[0]}"
@@ -147,7 +145,7 @@ def _expect_input(patterns: Sequence[str], names: Iterable[str]) -> None:
 
 
 def _expect_robot(bus: Bus, endpoint: str) -> None:
-    """There is a service of this robot, or none at all, as one that starts."""
+    """Raise UserError if only services of other robots run there; with none, one may still start."""
     found = bus.live_robots(_SUPERVISOR)
     if found and bus.robot not in found:
         known = ", ".join(found)
@@ -156,11 +154,10 @@ def _expect_robot(bus: Bus, endpoint: str) -> None:
 
 
 def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = False) -> Counter[str]:
-    """Publish each message when its time has come, `rate` times as fast as it was logged.
+    """Publish each message at its time, `rate` times as fast as it was logged; returns counts by topic.
 
     Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
-    Waits 10 s of the log at most, and not at all where its clock was set back. Returns how many went out of
-    each topic.
+    It waits at most 10 s of the log's time for a message, and not at all if the clock was set back by more.
     """
     publishers = {}
     sent: Counter[str] = Counter()
@@ -191,10 +188,10 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
 
 
 def wanted_names(patterns: Sequence[str]) -> set[str]:
-    """Names of the topics that one of the zenoh key expressions intersects.
+    """Names of the topics that intersect one of the zenoh key expressions.
 
     Raises:
-        UserError: one is no key expression, or there is no such topic.
+        UserError: a pattern is no key expression, or matches no topic.
     """
     names: set[str] = set()
     for pattern in patterns:

@@ -1,4 +1,4 @@
-"""Replay to a running service, frame by frame: the next goes out when the last is done with."""
+"""Replays to a running service frame by frame: sends a frame when the service is done with the last."""
 
 import time
 from collections import Counter
@@ -20,13 +20,13 @@ _POLL_S = 0.05
 _LOG_PATIENCE_S = 2.0
 _RESEND_S = 30.0
 _PATIENCE_S = 300.0
-_NO_STEP_S = 3.0  # after the map, or a lost pose: in lockstep the step would have come
+_NO_STEP_S = 3.0  # after a map version or a lost pose; in lockstep the step comes earlier
 
 
 class StepByStep:
-    """Sends frames and waits for the answer of each: the step `done` in lockstep, else the pose.
+    """Sends frames and waits for the answer to each: the step `done` in lockstep, else the pose.
 
-    `say` takes a line when the service is not in lockstep.
+    `say` gets a line if the service is not in lockstep.
     """
 
     def __init__(
@@ -41,22 +41,22 @@ class StepByStep:
         self._maps = bus.subscribe(MAP, 16, history=False)
         self._peers = Peers(bus)
         self._publisher = new_publisher()
-        self._in_lockstep: bool | None = None  # not known before the first answer
+        self._in_lockstep: bool | None = None  # unknown before the first answer
         self._lag = LogLag(has_recorder=False)
 
     def should_stop(self) -> bool:
-        """Whether the service has had its time to answer."""
+        """Whether the time for an answer has passed."""
         return time.monotonic() > self._give_up_s
 
     def replay(self, logged: Iterable[Logged]) -> Counter[str]:
-        """Publish all; a frame that lies there twice goes out once. Returns how many of each topic.
+        """Publish all messages; a frame that is logged twice goes out once. Returns counts by topic.
 
         Raises:
             UserError: no service answers.
         """
         self._peers.wait(_SERVICE, (), self)
         if self.should_stop():
-            raise UserError("--step: no service there: expected hsslam-serve --source zenoh:")
+            raise UserError("--step: no service: expected hsslam-serve --source zenoh:")
         publishers = {}
         sent: Counter[str] = Counter()
         order = FrameOrder()
@@ -79,7 +79,7 @@ class StepByStep:
         return sent
 
     def _wait_for_log(self) -> None:
-        """What is on its way to the recorder goes with this process."""
+        """Wait until the recorder has all frames: frames on their way are lost when this process ends."""
         give_up_s = time.monotonic() + _LOG_PATIENCE_S
         while not self._lag.is_over() and time.monotonic() < give_up_s:
             self._bus.wait(_POLL_S)
@@ -118,12 +118,12 @@ class StepByStep:
             self._in_lockstep = True
         elif self._in_lockstep is None and answer.lacks_step():
             self._in_lockstep = False
-            self._say("the service is not in lockstep: the replay waits for its poses alone")
+            self._say("the service is not in lockstep: the replay waits only for its poses")
         return answer.is_done or (self._in_lockstep is False and answer.has_pose)
 
 
 class _Answer:
-    """What was heard of one frame."""
+    """The messages about one frame so far."""
 
     def __init__(self, publisher: int, index: int) -> None:
         self._name = publisher, index
@@ -138,7 +138,7 @@ class _Answer:
         steps: list[run_messages.Step],
         maps: list[messages.MapVersion],
     ) -> None:
-        """Take in what came."""
+        """Take in new messages."""
         mine = [pose for pose in poses if (pose.publisher, pose.index) == self._name]
         self.has_pose |= bool(mine)
         self._heard_step |= bool(steps)
@@ -148,5 +148,5 @@ class _Answer:
             self._step_is_due_s = min(self._step_is_due_s, time.monotonic() + _NO_STEP_S)
 
     def lacks_step(self) -> bool:
-        """Whether a service in lockstep would have told a step by now."""
+        """Whether a service in lockstep would have sent a step by now, but none came."""
         return not self._heard_step and time.monotonic() > self._step_is_due_s

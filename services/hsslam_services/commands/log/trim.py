@@ -1,4 +1,4 @@
-"""A stretch of a log as a log of its own."""
+"""`hsslam-log trim`: copies a part of a log into a new log."""
 
 import math
 from pathlib import Path
@@ -15,12 +15,12 @@ _MOST_NS = 2.0**63  # later than every message
 
 
 def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> int:
-    """Copy all messages from `start_s` to before `end_s`, seconds after the first one, of the parts of
-    a log into one file, metadata included; returns how many. The file appears when it is whole.
+    """Copy all messages from `start_s` to before `end_s`, s after the first one, and the metadata of the
+    parts of a log into one file; returns the number of messages. Writes the whole file or none.
 
     Raises:
-        UserError: nothing lies there, a part is damaged, or `out` is one of them, a folder, or
-            cannot be written.
+        UserError: there is no message in that time, a part is damaged, or `out` is one of the parts, a
+            folder, or cannot be written.
     """
     if out.exists() and any(out.samefile(path) for path in files):
         raise UserError(f"{out}: is the log itself: expected another file")
@@ -46,7 +46,7 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
 
 
 class _Trimmed:
-    """The writer with what it has registered; schemas and channels of all parts are one set."""
+    """A writer that registers each schema and channel of all parts once."""
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer

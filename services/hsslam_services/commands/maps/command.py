@@ -1,4 +1,4 @@
-"""`hsslam-map query|grid|esdf|export|merge`: asks a saved map, writes it for robots and tools, joins two."""
+"""`hsslam-map query|grid|esdf|export|merge`: queries, exports and merges saved maps."""
 
 import sys
 from collections.abc import Sequence
@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 
 _PROG = "hsslam-map"
-_PURPOSE = (
-    "Asks a saved map, writes it for robots and other tools, and merges two, without the service."
-)
+_PURPOSE = "Queries, exports and merges saved maps, without the service."
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -48,7 +46,7 @@ def _merge(args: Sequence[str]) -> None:
 
 
 _COMMANDS: dict[str, tuple[Subcommand, str]] = {
-    "query": (_query, "prints distance, gradient and certainty of places"),
+    "query": (_query, "prints distance, gradient and certainty at points"),
     "grid": (_grid, "writes the floor for Nav2: map.yaml, map.pgm"),
     "esdf": (_esdf, "writes the distances of all voxels: esdf.npz"),
     "export": (_export, "writes mesh or points for other tools"),

@@ -1,4 +1,4 @@
-"""`hsslam-map esdf`: the distances in a saved map as a file of arrays."""
+"""`hsslam-map esdf`: writes the distances in a saved map as arrays."""
 
 import math
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class EsdfOptions:
     Example:
       hsslam-map esdf runs/desk --out esdf.npz
 
-    Arrays: distance_m [nx, ny, nz] (m, negative inside, nan where nothing is known), states [nx, ny, nz]
+    Arrays: distance_m [nx, ny, nz] (m, negative inside, nan if unknown), states [nx, ny, nz]
     (0 unknown, 1 free, 2 occupied), voxel_m, first [3] (voxel i, j, k has its middle at voxel_m times
     first + i, j, k + 0.5), T_grid_world [4, 4] (from the world of the map to the frame of hsslam-map grid,
     z up and the floor at z = 0), up [3], up_source, floor_height_m.
@@ -47,17 +47,17 @@ class EsdfOptions:
     out: Path = Path("esdf.npz")
     """Output file .npz."""
     from_height_m: float = -math.inf
-    """Lowest height above the floor that is kept, m (-inf: all)."""
+    """Lowest height above the floor, m (-inf: all)."""
     to_height_m: float = math.inf
-    """Highest height above the floor that is kept, m (inf: all)."""
+    """Highest height above the floor, m (inf: all)."""
     up: tuple[float, ...] = ()
-    """Direction against gravity in the world frame of the map (none: found)."""
+    """Direction against gravity in the world frame of the map (none: estimated)."""
     base_T_camera: tuple[float, ...] = ()
-    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
+    """Pose of the camera in base_link: x y z qx qy qz qw, m, optical axes (none: that of the run)."""
     voxel: float = 0.05
     """Side of a voxel, m."""
     far_m: float = FAR_M
-    """Surfaces and free space that keyframes saw only from farther do not count, m."""
+    """Ignore surfaces and free space that keyframes saw only from beyond this distance, m."""
 
     def __post_init__(self) -> None:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)

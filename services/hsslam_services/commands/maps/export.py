@@ -1,4 +1,4 @@
-"""`hsslam-map export`: a saved map in the files of other tools."""
+"""`hsslam-map export`: writes a saved map as files for other tools."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,17 +37,17 @@ class ExportOptions:
       hsslam-map export runs/desk --format nerfstudio --out desk
 
     Formats:
-      ply, obj    the mesh with colours of vertices, in the world frame of the map
+      ply, obj    the mesh with vertex colours, in the world frame of the map
       glb         the same with y up and z back, as glTF requires
       usd         as glb, for Isaac Sim, Omniverse and Blender; needs pip install 'hsslam-node[usd]'
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
-      colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
+      colmap      a folder: sparse/0 with poses, points and their observations, as text; images
 
-    With --texture a glb or obj has an image, cut out of the keyframes, in the place of colours of
-    vertices; the obj comes with .mtl and .png.
+    With --texture a glb or obj has a texture from the keyframes instead of vertex colours; the obj comes
+    with .mtl and .png.
 
-    A file that exists is replaced. A folder that holds something is refused.
+    The command replaces an existing file, and refuses a folder that is not empty.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -60,7 +60,7 @@ class ExportOptions:
     run: str = ""
     """Run folder, or the file of a saved map."""
     format: Format | None = None
-    """What to write (none: as --out ends, else ply)."""
+    """Output format (none: by the suffix of --out, else ply)."""
     out: Path | None = None
     """Output file or folder (none: mesh.FORMAT; points.pcd; folder nerfstudio or colmap)."""
     voxel: float = 0.02
@@ -68,7 +68,7 @@ class ExportOptions:
     texture: bool = False
     """Give the mesh of glb or obj a texture from the keyframes."""
     texture_px: int = 4096
-    """Width and height of the texture at most, px."""
+    """Largest width and height of the texture, px."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
@@ -82,7 +82,7 @@ class ExportOptions:
 
     @property
     def written(self) -> Format:
-        """`format`, or if it is not given the one that `out` ends in."""
+        """`format`, or if that is None the format by the suffix of `out`."""
         by_suffix: dict[str, Format] = {Path(k.default_out).suffix: f for f, k in _KINDS.items()}
         suffix = self.out.suffix.lower() if self.out else ""
         return self.format or by_suffix.get(suffix or ".ply", "ply")
@@ -99,10 +99,10 @@ def export_map(options: ExportOptions) -> None:
     if options.texture:
         from hsslam_services.commands.maps.export_texture import write_textured
 
-        told = write_textured(out, saved, mesh, options.texture_px)
+        written = write_textured(out, saved, mesh, options.texture_px)
     else:
-        told = kind.write(out, saved, mesh)
-    print(f"{out}: {told}")
+        written = kind.write(out, saved, mesh)
+    print(f"{out}: {written}")
 
 
 def _write_mesh(out: Path, _: SavedMap, mesh: Trimesh) -> str:
@@ -135,11 +135,11 @@ def _write_points(out: Path, _: SavedMap, mesh: Trimesh) -> str:
 
 
 class _Kind(NamedTuple):
-    """How a format is written."""
+    """How to write a format."""
 
     default_out: str
-    expect: Callable[[Path], None]  # UserError unless it can be written there
-    write: Callable[[Path, SavedMap, Trimesh], str]  # says what it wrote
+    expect: Callable[[Path], None]  # raises UserError unless the path is fit for it
+    write: Callable[[Path, SavedMap, Trimesh], str]  # returns a summary
 
 
 def _file(suffix: str) -> Callable[[Path], None]:

@@ -1,4 +1,4 @@
-"""A textured mesh of a saved map, as glTF or as Wavefront's obj with its material and image."""
+"""Writes a textured mesh of a saved map as glTF, or as Wavefront obj with material and image."""
 
 import re
 from pathlib import Path
@@ -17,18 +17,19 @@ from hsslam_services.commands.maps.surface import out_file
 
 
 def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> str:
-    """The mesh with a texture from the keyframes; returns what it wrote.
+    """Write the mesh with a texture from the keyframes; returns a summary.
 
-    A .glb has y up and z back, as glTF requires, and holds the image. Beside an .obj lie an .mtl and a .png
-    of its name, with _ for blanks, at which many readers split; they are written first.
+    A .glb has y up and z back, as glTF requires, and holds the image. An .obj comes with an .mtl and a .png
+    of the same name, but with _ for blanks, at which many readers split; they are written first.
 
     Raises:
-        UserError: the map has no images, one is damaged, its parts do not fit, or a file cannot be written.
+        UserError: the map has no images, an image is damaged, the texture is too small for the mesh, or a
+            file cannot be written.
     """
     images = saved.checkpoint.images
     if images is None:
         raise UserError(
-            "--texture: the map was saved without images of its keyframes: expected version 3"
+            "--texture: the map was saved without keyframe images: expected a map of version 3"
         )
     keyframes = saved.keyframes
 

@@ -1,4 +1,4 @@
-"""Keyframes of a saved map, their poses and coloured points, for tools that train views."""
+"""Writes keyframes of a saved map, their poses and coloured points, for nerfstudio and COLMAP."""
 
 import os
 import shutil
@@ -21,18 +21,18 @@ _OBSERVED = 2000  # points an image, at most
 
 
 def expect_new_folder(out: Path) -> None:
-    """UserError unless `--out` can become a folder: nothing is there, or an empty one."""
+    """Raise UserError unless `--out` does not exist or is an empty folder, in a folder that exists."""
     if not out.absolute().parent.is_dir():
         raise UserError(f"--out {out}: expected a folder in a folder that exists")
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise UserError(f"--out {out}: is there already: expected a new folder")
+        raise UserError(f"--out {out}: already exists: expected a new folder")
 
 
 def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
-    """transforms.json, points.ply, images/ (JPEG) and depth/ (16-bit PNG, mm); returns what it wrote.
+    """Write transforms.json, points.ply, images/ (JPEG) and depth/ (16-bit PNG, mm); returns a summary.
 
     Raises:
-        UserError: the map has no images, one is damaged, or the folder cannot be written.
+        UserError: the map has no images, an image is damaged, or the folder cannot be written.
     """
     images, keyframes = _images_of(saved), saved.keyframes
     names = _names(images)
@@ -45,16 +45,16 @@ def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
         for k, name in enumerate(names):
             depth = encode_png(depth_mm(keyframes.depth_m(k)))
             (folder / "depth" / f"{name}.png").write_bytes(depth)
-    return _told(images, mesh)
+    return _summary(images, mesh)
 
 
 def write_colmap(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
-    """sparse/0/{cameras,images,points3D}.txt and images/ (JPEG); returns what it wrote.
+    """Write sparse/0/{cameras,images,points3D}.txt and images/ (JPEG); returns a summary.
 
-    Points come in random order, so that the first ones, which are those with observations, lie everywhere.
+    Points are in random order, so that the first ones, which get the observations, cover the whole map.
 
     Raises:
-        UserError: the map has no images, one is damaged, or the folder cannot be written.
+        UserError: the map has no images, an image is damaged, or the folder cannot be written.
     """
     images, keyframes = _images_of(saved), saved.keyframes
     names, order = _names(images), np.random.default_rng(0).permutation(len(mesh.vertices))
@@ -72,7 +72,7 @@ def write_colmap(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
         (sparse / "images.txt").write_text(images_text(keyframes.T_world_cam, files, seen))
         (sparse / "points3D.txt").write_text(points_text(points, colors, seen))
         _write_images(folder, images, names)
-    return _told(images, mesh)
+    return _summary(images, mesh)
 
 
 def colors_of(mesh: Trimesh) -> np.ndarray:
@@ -82,12 +82,12 @@ def colors_of(mesh: Trimesh) -> np.ndarray:
 
 def _images_of(saved: SavedMap) -> KeyframeImages:
     if saved.checkpoint.images is None:
-        raise UserError("the map was saved without images of its keyframes: expected version 3")
+        raise UserError("the map was saved without keyframe images: expected a map of version 3")
     return saved.checkpoint.images
 
 
 def _names(images: KeyframeImages) -> list[str]:
-    """Of the image files, without their suffix."""
+    """Names of the image files, without suffix."""
     return [f"{k:06d}" for k in range(len(images))]
 
 
@@ -97,16 +97,16 @@ def _write_images(folder: Path, images: KeyframeImages, names: list[str]) -> Non
         (folder / "images" / f"{name}.jpg").write_bytes(images.color_jpeg(k))
 
 
-def _told(images: KeyframeImages, mesh: Trimesh) -> str:
+def _summary(images: KeyframeImages, mesh: Trimesh) -> str:
     return f"{len(images)} images, {len(mesh.vertices)} points"
 
 
 @contextmanager
 def out_folder(out: Path) -> Iterator[Path]:
-    """A folder to fill that becomes `--out` when it is whole; if the block raises, nothing remains.
+    """A temporary folder that becomes `--out` at the end of the block; if the block raises, it is removed.
 
     Raises:
-        UserError: it cannot be written.
+        UserError: the folder cannot be written.
     """
     out = out.absolute()
     partial = out.with_name(f".{out.name}.{os.getpid()}.partial")

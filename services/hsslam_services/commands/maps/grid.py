@@ -1,4 +1,4 @@
-"""`hsslam-map grid`: the floor of a saved map as Nav2's map server reads it."""
+"""`hsslam-map grid`: writes the floor of a saved map for Nav2's map server."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +31,9 @@ class GridOptions:
     A cell is occupied if a keyframe measured a surface over it from less than --far-m and between the two
     heights above the floor. A cell is free if no keyframe measured a surface there and keyframes saw a third
     of that height or more. All other cells are unknown. The frame of the map has z up and the floor at z = 0.
-    It is that of hsslam-serve --grid: of a run with --base-T-camera or --ros2-out, x and y are those of the
-    frame map in ROS. Of another, up is against gravity if it had an IMU, else the normal of the floor that
-    the keyframes saw, else the mean up of their images. The command says which.
+    It is that of hsslam-serve --grid: if the run had --base-T-camera or --ros2-out, x and y are those of the
+    frame map in ROS. Otherwise up is against gravity if the run had an IMU, else the normal of the floor that
+    the keyframes saw, else the mean up of their images. The command prints which.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -48,17 +48,17 @@ class GridOptions:
     out: Path = Path("map.yaml")
     """Output file .yaml; the picture .pgm is written beside it."""
     from_height_m: float = 0.15
-    """Lowest height above the floor that counts, m; above 0 it must be --voxel or more."""
+    """Lowest height of obstacles above the floor, m; if above 0, at least --voxel."""
     to_height_m: float = 1.6
-    """Highest height above the floor that counts, m."""
+    """Highest height of obstacles above the floor, m."""
     up: tuple[float, ...] = ()
-    """Direction against gravity in the world frame of the map (none: found)."""
+    """Direction against gravity in the world frame of the map (none: estimated)."""
     base_T_camera: tuple[float, ...] = ()
-    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
+    """Pose of the camera in base_link: x y z qx qy qz qw, m, optical axes (none: that of the run)."""
     voxel: float = 0.05
     """Side of a cell and height of a layer, m; layers that begin between the two heights count."""
     far_m: float = FAR_M
-    """Surfaces and free space that keyframes saw only from farther do not count, m."""
+    """Ignore surfaces and free space that keyframes saw only from beyond this distance, m."""
 
     def __post_init__(self) -> None:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
@@ -66,7 +66,7 @@ class GridOptions:
         if 0 < self.from_height_m < self.voxel:
             raise UserError(
                 f"--voxel {self.voxel:g} --from-height-m {self.from_height_m:g}: expected --voxel of at most "
-                f"{self.from_height_m:g}: a larger voxel holds both the floor and what stands on it"
+                f"{self.from_height_m:g}: a larger voxel holds both the floor and obstacles on it"
             )
 
 

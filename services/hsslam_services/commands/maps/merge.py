@@ -1,4 +1,4 @@
-"""`hsslam-map merge`: two runs of one place as one run folder."""
+"""`hsslam-map merge`: merges two runs of one place into one run folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,15 +26,15 @@ _TRAJECTORY = "trajectory.txt"
 
 @dataclass(frozen=True)
 class MergeOptions:
-    """Makes one map of two runs in the same place, from anywhere in it.
+    """Makes one map of two runs in the same place; the runs may start anywhere in it.
 
     Example:
       hsslam-map merge runs/monday runs/tuesday --out runs/both
 
-    The command finds keyframes of both runs that show the same. If three or more places agree on how the runs
-    lie to each other, it solves for all keyframes and fits the map to them. Else it writes nothing. Both runs
-    must have the same camera. Where the place has changed, the map shows what the later run saw. Stamps tell
-    which run is later; if they overlap, it is the second.
+    The command finds keyframes of both runs that show the same place. If three or more places agree on the
+    transform between the runs, it optimises all keyframes and fits the map to them. Otherwise it writes
+    nothing. Both runs must have the same camera. If the place has changed, the map shows the later run: the
+    one with later stamps, or the second if the stamps overlap.
 
     The output folder is like that of a run: map.safetensors, mesh.ply, keyframes.txt, trajectory.txt,
     summary.json. Its coordinate frame is that of the first run. trajectory.first.txt and
@@ -53,7 +53,7 @@ class MergeOptions:
     second: str = ""
     """Run folder, or the file of a saved map."""
     out: Path = Path("merged")
-    """Output folder: a new one."""
+    """Output folder; must be new or empty."""
     seed: int = 0
     """Seed of all random numbers."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
@@ -87,17 +87,17 @@ def merge_runs(options: MergeOptions) -> None:
         saved.save(folder / MAP_NAME)
         save_mesh(folder, mesh)
         update_summary(folder, _section(options, found) | mesh_section(mesh))
-    print(f"{options.second} meets {options.first} in {found.places} places: {_told(found)}")
+    print(f"{options.second} meets {options.first} in {found.places} places: {_summary(found)}")
     print(f"results: {options.out}")
 
 
 def _frames(file: Path) -> Trajectory | None:
-    """The poses of a run's frames, beside its map; None if there is the map alone."""
+    """The trajectory of a run, beside its map; None if there is only the map."""
     path = file.with_name(_TRAJECTORY)
     return read_tum(path) if path.is_file() else None
 
 
-def _told(found: JoinedMap) -> str:
+def _summary(found: JoinedMap) -> str:
     T = found.T_first_second
     turned_deg = np.rad2deg(np.linalg.norm(so3_log(T[:3, :3])))
     counts = " and ".join(str(len(part)) for part in found.parts)

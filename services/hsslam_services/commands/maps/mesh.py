@@ -1,4 +1,4 @@
-"""`hsslam-mesh`: the mesh of a saved map."""
+"""`hsslam-mesh`: makes a mesh of a saved map."""
 
 import sys
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ class MeshOptions:
             raise UserError(f"--out {self.out}: expected a file {', '.join(_FORMATS)}")
 
     def expect_map(self) -> Path:
-        """The map; UserError if none is named, or the folder of the mesh does not exist."""
+        """The file of the map; UserError if none is given, or the folder of the mesh does not exist."""
         path = map_file(self.map, "mesh")
         if not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")

@@ -1,4 +1,4 @@
-"""A picture of a finished run: the mesh from above and at an angle, the camera's path in it."""
+"""Draws a picture of a finished run: the mesh and the camera's path, from above and at an angle."""
 
 import argparse
 import sys
@@ -22,12 +22,12 @@ _PANEL_PX = 800
 _BACKGROUND = 215
 _PATH_BGR = (40, 40, 230)
 _LIGHT = np.array([0.80, 0.48, 0.36])  # a direction, unit length
-_AWAY = 0.9  # of the mesh's size: from its middle to the eye
-_FILLED = 0.92  # of a panel, by what is seen
+_AWAY = 0.9  # distance from the mesh's middle to the eye, in sizes of the mesh
+_FILLED = 0.92  # part of a panel that the mesh fills
 
 
 def main() -> None:
-    """`python -m hsslam_services.commands.maps.picture RUN_DIR` writes RUN_DIR/picture.png and says so."""
+    """`python -m hsslam_services.commands.maps.picture RUN_DIR` writes RUN_DIR/picture.png."""
     parser = argparse.ArgumentParser(prog="hsslam picture", description=__doc__)
     parser.add_argument("run_dir", type=Path, help="folder of a finished run")
     run_dir = parser.parse_args().run_dir
@@ -45,7 +45,7 @@ def draw_run(run_dir: Path) -> Path:
         UserError: the run left no mesh, or the picture cannot be written.
     """
     if not (run_dir / "mesh.ply").exists():
-        raise UserError(f"{run_dir / 'mesh.ply'}: not there: expected a run that has finished")
+        raise UserError(f"{run_dir / 'mesh.ply'}: does not exist: expected a finished run")
     mesh = trimesh.load_mesh(run_dir / "mesh.ply")
     trajectory = read_tum(run_dir / "trajectory.txt")
     up, surface = _up(run_dir, trajectory), _surface(mesh)
@@ -55,12 +55,12 @@ def draw_run(run_dir: Path) -> Path:
     try:
         write_durably(path, data.tobytes())
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}: expected to write the picture there") from None
+        raise UserError(f"{path}: {error.strerror}: expected a file that can be written") from None
     return path
 
 
 def _up(run_dir: Path, trajectory: Trajectory) -> np.ndarray:
-    """Up [3], world: that of the floor in the run's map, or of the images if the run kept no map."""
+    """Up [3], world: of the floor in the run's map, or of the images if the run saved no map."""
     if not (run_dir / MAP_NAME).exists():
         return mean_up(trajectory.T_world_cam)
     saved = SavedMap.open(run_dir)
@@ -87,9 +87,9 @@ def _surface(mesh: trimesh.Trimesh) -> _Surface:
 
 
 def _panel(surface: _Surface, path: Trajectory, up: np.ndarray, elevation_deg: float) -> np.ndarray:
-    """One perspective view from outside, the way that the camera looked in the mean.
+    """One perspective view from outside, in the camera's mean direction.
 
-    What turns its back to the view is left out: ceiling and near walls.
+    It leaves out surfaces that face away: ceiling and near walls.
     """
     points = surface.points
     low, high = np.percentile(points, (1, 99), axis=0)
@@ -107,13 +107,13 @@ def _panel(surface: _Surface, path: Trajectory, up: np.ndarray, elevation_deg: f
 
 
 def _project(points: np.ndarray, R: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places [N, 2] in the picture, of focal length 1, and depths [N] m of points [N, 3]."""
+    """Image coordinates [N, 2] for focal length 1, and depths [N] m of points [N, 3]."""
     seen = (points - eye) @ R.T
     return seen[:, :2] / seen[:, 2:], seen[:, 2]
 
 
 def _splat(uv: np.ndarray, z: np.ndarray, colors: np.ndarray) -> np.ndarray:
-    """Points into a z-buffer, [H, W, 3]; the nearest wins."""
+    """Draw points with a z-buffer, [H, W, 3]; the nearest wins."""
     image = np.full((_PANEL_PX, _PANEL_PX, 3), _BACKGROUND, np.uint8)
     pixel = np.floor(uv).astype(int)
     keep = (pixel >= 1).all(axis=1) & (pixel < _PANEL_PX - 1).all(axis=1) & (z > 0)

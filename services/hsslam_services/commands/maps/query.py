@@ -1,4 +1,4 @@
-"""`hsslam-map query`: what a saved map says of places."""
+"""`hsslam-map query`: prints distances at points of a saved map."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +15,16 @@ from hsslam_services.commands.point_table import print_answers
 
 @dataclass(frozen=True)
 class QueryOptions:
-    """Prints what a saved map says of places: the distance to the nearest surface, its gradient, whether a
-    keyframe saw the place, and how certain it is.
+    """Prints for points in a saved map: the distance to the nearest surface, its gradient, whether a keyframe
+    saw the point, and the certainty.
 
     Examples:
       hsslam-map query map.safetensors --point 0.5 -0.2 2
       hsslam-map query map.safetensors --points places.txt --json
 
-    Places are metres in the world frame of the map. The distance is negative behind a surface. Near a surface
-    the field says it, else the depth of the keyframes does, in voxels of 5 cm, 2 m at most. It is - (in JSON
-    null) if no keyframe saw the place.
+    Points are metres in the world frame of the map. The distance is negative behind a surface. Near a surface
+    it comes from the neural field, else from the depth of the keyframes in voxels of 5 cm, 2 m at most. It is
+    - (in JSON null) if no keyframe saw the point.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -34,15 +34,15 @@ class QueryOptions:
     VALUES: ClassVar = {"map": "MAP", "point": "X Y Z..."}
 
     map: str = ""
-    """File of a saved map, or the folder of a run that left one."""
+    """Run folder, or the file of a saved map."""
     point: tuple[float, ...] = ()
-    """Places, m: three numbers each."""
+    """Points, m: three numbers each."""
     points: Path | None = None
-    """File with more places: lines X Y Z, with spaces or commas between, or a NumPy array [N, 3] (.npy)."""
+    """File with more points: lines X Y Z, with spaces or commas between, or a NumPy array [N, 3] (.npy)."""
     json: bool = False
     """Print JSON instead of a table."""
     far_m: float = FAR_M
-    """Surfaces and free space that keyframes saw only from farther do not count, m."""
+    """Ignore surfaces and free space that keyframes saw only from beyond this distance, m."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
@@ -51,11 +51,11 @@ class QueryOptions:
         if len(self.point) % 3 or not np.isfinite(self.point).all():
             given = " ".join(f"{number:g}" for number in self.point)
             raise UserError(
-                f"--point {given}: expected X Y Z in metres, three numbers for each place"
+                f"--point {given}: expected X Y Z in metres, three numbers for each point"
             )
 
     def places(self) -> np.ndarray:
-        """All places [N, 3] m.
+        """All points [N, 3] m.
 
         Raises:
             UserError: there are none, or the file cannot be read.
@@ -63,7 +63,7 @@ class QueryOptions:
         given = np.array(self.point, np.float64).reshape(-1, 3)
         places = given if self.points is None else np.concatenate([given, read_points(self.points)])
         if len(places) == 0:
-            raise UserError("query: no place: expected --point X Y Z or --points FILE")
+            raise UserError("query: no point: expected --point X Y Z or --points FILE")
         return places
 
 
@@ -76,10 +76,10 @@ def query_map(options: QueryOptions) -> None:
 
 
 def read_points(path: Path) -> np.ndarray:
-    """The points [N, 3] m of a file: lines of three numbers, # begins a remark; or .npy.
+    """The points [N, 3] m of a file: lines of three numbers, # begins a comment; or .npy.
 
     Raises:
-        UserError: the file cannot be read, or holds something else.
+        UserError: the file cannot be read, or has another format.
     """
     try:
         if path.suffix.lower() == ".npy":

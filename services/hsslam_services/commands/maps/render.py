@@ -1,4 +1,4 @@
-"""`hsslam-render`: images of a saved map along a trajectory."""
+"""`hsslam-render`: renders images of a saved map along a trajectory."""
 
 import math
 import re
@@ -32,8 +32,8 @@ class RenderOptions:
     Example:
       hsslam-render runs/desk --trajectory poses.txt --video flight.mp4
 
-    The command writes one PNG a pose: 000000.png, 000001.png, ... Pixels without surface are black.
-    A folder that holds such images is refused.
+    The command writes one PNG for each pose: 000000.png, 000001.png, ... Pixels without surface are black.
+    It refuses a folder that already has such images.
 
     Exit codes: 0 if the images are written, 1 if the command is interrupted, 2 if the input is bad.
 
@@ -62,7 +62,7 @@ class RenderOptions:
     rate_hz: float = 30.0
     """Frame rate of the video, Hz."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where surfaces are searched; auto: an NVIDIA GPU if one works."""
+    """Where the map is rendered; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -100,7 +100,7 @@ def _render(options: RenderOptions) -> None:
     if len(poses) == 0:
         raise UserError(f"--trajectory {trajectory}: no poses: expected one or more")
     if any(_IMAGE.fullmatch(path.name) for path in options.out.glob("*.png")):
-        raise UserError(f"--out {options.out}: is there already: expected a new folder")
+        raise UserError(f"--out {options.out}: already has images: expected a new folder")
     saved = SavedMap.open(map_path, options.device)
     camera = _camera(saved.camera.undistorted(), options)
     try:
@@ -134,9 +134,9 @@ def _camera(camera: Camera, options: RenderOptions) -> Camera:
 def _video(
     options: RenderOptions, camera: Camera, count: int
 ) -> Iterator[Callable[[np.ndarray], object]]:
-    """Takes the `count` images, BGR, of the video; its file appears whole or not at all.
+    """A function that takes the `count` images, BGR, of the video; writes the whole file or none.
 
-    OpenCV does not tell whether it could write an image, so the finished file is read.
+    OpenCV does not report a failed write, so this reads the finished file.
     """
     if options.video is None:
         yield lambda image: None
@@ -153,8 +153,8 @@ def _video(
         finally:
             video.release()
         if (found := _images_in(partial)) != count:
-            told = f"has {found} of {count} images: expected free space"
-            raise UserError(f"--video {options.video}: {told}")
+            problem = f"has {found} of {count} images: expected free space"
+            raise UserError(f"--video {options.video}: {problem}")
 
 
 def _images_in(video: Path) -> int:

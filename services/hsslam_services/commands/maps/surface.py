@@ -1,4 +1,4 @@
-"""The surface of a saved map, and a file for it: what `hsslam-mesh` and `hsslam-map export` share."""
+"""The mesh of a saved map, and an output file for it; `hsslam-mesh` and `hsslam-map export` share it."""
 
 import math
 from collections.abc import Iterator
@@ -14,16 +14,16 @@ from hsslam_services.commands.cli import terminal_progress
 
 
 def expect_voxel(voxel_m: float) -> None:
-    """UserError unless `--voxel` makes sense for marching cubes."""
+    """Raise UserError unless `--voxel` is in the range for marching cubes."""
     if not (math.isfinite(voxel_m) and 0.001 <= voxel_m <= 1):
         raise UserError(f"--voxel {voxel_m}: expected 0.001 to 1 m")
 
 
 def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
-    """The coloured mesh of what the keyframes saw (m, world); `path` stands in the error.
+    """The coloured mesh of the surface that the keyframes saw (m, world); errors name `path`.
 
     Raises:
-        UserError: they saw no surface.
+        UserError: the keyframes saw no surface.
     """
     if saved.checkpoint.images is None:
         _draw_views(saved)
@@ -37,7 +37,7 @@ def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
 
 @contextmanager
 def out_file(out: Path, option: str = "--out") -> Iterator[Path]:
-    """A place to write an option's file at; it appears whole or not at all, in the place of an older one.
+    """A temporary path for the file of an option; the complete file then replaces an older one.
 
     Raises:
         UserError: the file cannot be written.
@@ -52,7 +52,7 @@ def out_file(out: Path, option: str = "--out") -> Iterator[Path]:
 
 
 def _draw_views(saved: SavedMap) -> None:
-    """What the keyframes of an old map saw is drawn, each once: show that it goes on."""
+    """Render the depth of each keyframe of an old map, which has none saved, with a progress bar."""
     with terminal_progress() as progress:
         for k in progress.track(range(len(saved.keyframes)), description="views"):
             saved.keyframes.depth_m(k)

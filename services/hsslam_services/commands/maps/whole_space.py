@@ -1,4 +1,4 @@
-"""The space of a saved map: where its floor lies, and what is free over it; what `grid` and `esdf` share."""
+"""Floor, free and occupied space of a saved map; `hsslam-map grid` and `esdf` share it."""
 
 import math
 from pathlib import Path
@@ -18,10 +18,10 @@ MAP_NAME = "map.safetensors"
 
 
 def map_file(text: str, command: str) -> Path:
-    """The file of a saved map, which may be given by its run folder.
+    """The file of a saved map; `text` is the file or its run folder.
 
     Raises:
-        UserError: none is given.
+        UserError: `text` is empty.
     """
     if not text:
         raise UserError(f"{command}: no map: expected a run folder or {MAP_NAME}")
@@ -36,23 +36,23 @@ def expect_space(
     base_T_camera: tuple[float, ...],
     voxel_m: float,
 ) -> None:
-    """UserError unless heights rise, up is a direction and given once at most, and the voxel makes sense."""
+    """Raise UserError unless heights rise, at most one option gives up as a direction, and voxels fit."""
     if not from_height_m < to_height_m:
         given = f"--from-height-m {from_height_m:g} --to-height-m {to_height_m:g}"
-        raise UserError(f"{given}: expected the second above the first")
+        raise UserError(f"{given}: expected from < to")
     length = math.hypot(*up)
     if up and not (len(up) == 3 and math.isfinite(length) and length > 0):
         given = " ".join(f"{number:g}" for number in up)
         raise UserError(f"--up {given}: expected a direction X Y Z in the world frame of the map")
     RobotFrames.mounted(base_T_camera)
     if up and base_T_camera:
-        raise UserError("--up, --base-T-camera: both say what is up: expected one of the two")
+        raise UserError("--up, --base-T-camera: both define up: expected one of them")
     if not (math.isfinite(voxel_m) and 0.01 <= voxel_m <= 0.5):
         raise UserError(f"--voxel {voxel_m}: expected 0.01 to 0.5 m")
 
 
 def expect_far(far_m: float) -> None:
-    """UserError unless `--far-m` is a depth that the mapping may use."""
+    """Raise UserError unless `--far-m` is a depth that mapping may use."""
     if not 0 < far_m <= REALTIME.mapper.max_depth_m:
         raise UserError(
             f"--far-m {far_m}: expected metres above 0, {REALTIME.mapper.max_depth_m:g} at most"
@@ -60,7 +60,7 @@ def expect_far(far_m: float) -> None:
 
 
 def expect_out(path: Path, suffix: str) -> None:
-    """UserError unless `--out` is a file of this kind in a folder that exists."""
+    """Raise UserError unless `--out` is a file with this suffix in a folder that exists."""
     if path.suffix.lower() != suffix or not path.absolute().parent.is_dir():
         raise UserError(f"--out {path}: expected a file {suffix} in a folder that exists")
 
@@ -72,11 +72,11 @@ def floor_and_space(
     voxel_m: float,
     far_m: float,
 ) -> tuple[FloorPlane, Occupancy]:
-    """The floor, and what is free and occupied in voxels whose frame has z up and the floor at z = 0.
+    """The floor, and free and occupied voxels in a frame with z up and the floor at z = 0.
 
-    Up is `up` if it is given. Else the frame is that of a running service: `map` of the robot, but for the
-    height, if `base_T_camera` or the map tells it; else up is against gravity if the map knows it, else that
-    of the floor that was seen.
+    Up is `up` if it is set. Otherwise the frame is that of a running service: `map` of the robot, except for
+    the height, if `base_T_camera` is set or the map has it; else up is against gravity if the map has it,
+    else the normal of the floor.
 
     Raises:
         UserError: no keyframe has depth, or the map is too large for such voxels.
@@ -95,5 +95,5 @@ def floor_and_space(
 
 
 def told_up(floor: FloorPlane) -> str:
-    """Which way is up, and by what, in a line."""
+    """A line with the direction up, its source, and the height of the floor."""
     return f"up is {floor.up_text} by its {floor.source}, {floor.height_text}"

@@ -1,1 +1,1 @@
-"""From a frozen dataclass of options to its command line: table, parser, help, files of options."""
+"""Makes a command line of a frozen dataclass of options: table, parser, help, files of options."""

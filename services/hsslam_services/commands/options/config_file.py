@@ -1,4 +1,4 @@
-"""Files that `--config` names, as layers of options."""
+"""Reads the files of `--config` as layers of options."""
 
 import tomllib
 import typing
@@ -66,7 +66,7 @@ def _file_text(path: Path) -> str:
     except OSError as error:
         raise UserError(f"--config {path}: {error.strerror}: {expected}") from None
     except UnicodeDecodeError:
-        raise UserError(f"--config {path}: is not text: {expected}") from None
+        raise UserError(f"--config {path}: not UTF-8 text: {expected}") from None
 
 
 def _values(
@@ -81,7 +81,8 @@ def _values(
         elif isinstance(value, Mapping) and name in groups:
             yield from _values(place, value, f"{name}.", known)
         else:
-            raise UserError(f"{place}: {_told(name, value)}: unknown option{_nearest(name, known)}")
+            given = _as_in_file(name, value)
+            raise UserError(f"{place}: {given}: unknown option{_nearest(name, known)}")
 
 
 def _value(place: str, option: Option, value: Any) -> Any:
@@ -90,12 +91,12 @@ def _value(place: str, option: Option, value: Any) -> Any:
     except msgspec.ValidationError:
         hint = did_you_mean(str(value), option.words)
         raise UserError(
-            f"{place}: {_told(option.name, value)}: expected {_expected(option.kind)}{hint}"
+            f"{place}: {_as_in_file(option.name, value)}: expected {_expected(option.kind)}{hint}"
         ) from None
 
 
-def _told(name: str, value: Any) -> str:
-    """As the file has it; a table by its name alone."""
+def _as_in_file(name: str, value: Any) -> str:
+    """The line of the file; of a table only its name."""
     if isinstance(value, Mapping):
         return f"[{name}]"
     if isinstance(value, bool):
@@ -114,7 +115,7 @@ def _expected(kind: Any) -> str:
 
 
 def _nearest(name: str, known: Mapping[str, Option]) -> str:
-    """An option of the same name in another group goes before one that is merely similar."""
+    """A suggestion; an option of the same name in another group goes before a similar name."""
     leaf = name.rpartition(".")[2]
     same_leaf = [option for option in known if option.rpartition(".")[2] == leaf]
     hint = did_you_mean(name, same_leaf or known, cutoff=0.0 if same_leaf else 0.5)

@@ -1,4 +1,4 @@
-"""`--help` and `--help-all` of a command, from its table of options."""
+"""Prints `--help` and `--help-all` of a command from its table of options."""
 
 import shutil
 import textwrap
@@ -17,7 +17,7 @@ _NARROW_NAMES_WIDTH = 24  # below 100 characters
 
 
 def print_help(cls: type, prog: str, default: object, everything: bool) -> None:
-    """Print what the command does and its options: those that most users need, or all."""
+    """Print the purpose of the command and its options: the basic ones, or all."""
     table = option_table(cls, default)
     shown = [option for option in table if option.is_basic or everything]
     print(f"{usage(prog, table)}\n\n{purpose(cls)}")
@@ -43,7 +43,7 @@ def usage(prog: str, table: Iterable[Option]) -> str:
 
 
 def own_options(table: Sequence[Option]) -> tuple[tuple[str, str], ...]:
-    """What every command has beside its own options: names, help."""
+    """The options that every command has: names, help."""
     rows = [("-h, --help", "show this help and exit")]
     if not all(option.is_basic for option in table):
         rows = [
@@ -64,7 +64,7 @@ def names_of(option: Option) -> str:
 
 
 def help_of(option: Option) -> str:
-    """The help with the default in it."""
+    """The help text with the default."""
     default = option.default_text()
     return f"{option.help} [{default}]" if default else option.help
 

@@ -1,4 +1,4 @@
-"""Options from several places, one over the other: defaults, files, the command line."""
+"""Merges options from several layers: defaults, files, the command line."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -12,19 +12,19 @@ _Options = TypeVar("_Options")
 
 @dataclass(frozen=True)
 class Layer:
-    """Options that a file gives, and no others, by name (`slam.tracker.points`)."""
+    """The options that a file sets, by name (`slam.tracker.points`)."""
 
-    place: str  # the file as the user knows it, for errors
+    place: str  # name of the file, for errors
     values: Mapping[str, Any]
 
 
 def merged(start: _Options, layers: Sequence[Layer], given: Mapping[str, Any]) -> _Options:
-    """`start` with the values of each layer over those of the layer before it, and `given` over all.
+    """`start` with the values of the layers; later layers override earlier ones, and `given` overrides all.
 
-    Options that belong together are checked once all of them are known.
+    The result is checked after all are merged, so that options that belong together are checked together.
 
     Raises:
-        UserError: a value that cannot be used. If the files alone cause the error, it names the file.
+        UserError: a value is not valid. If the files alone cause the error, it names the file.
     """
     values = {name: value for layer in layers for name, value in layer.values.items()}
     try:
@@ -37,7 +37,7 @@ def merged(start: _Options, layers: Sequence[Layer], given: Mapping[str, Any]) -
 
 
 def _own_error(start: Any, layer: Layer, given: Mapping[str, Any]) -> str:
-    """What is wrong with those options of the file that the command line does not override."""
+    """The error of the options of the file that the command line does not override; "" if there is none."""
     try:
         changed(start, {name: v for name, v in layer.values.items() if name not in given})
     except UserError as error:
@@ -46,10 +46,10 @@ def _own_error(start: Any, layer: Layer, given: Mapping[str, Any]) -> str:
 
 
 def changed(options: _Options, changes: Mapping[str, Any]) -> _Options:
-    """The options with other values for these names; every group that changes is checked anew.
+    """The options with these values changed; checks each changed group again.
 
     Raises:
-        UserError: a value that cannot be used.
+        UserError: a value is not valid.
     """
     fields: dict[str, Any] = {}
     groups: dict[str, dict[str, Any]] = {}

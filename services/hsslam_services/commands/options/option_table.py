@@ -1,13 +1,13 @@
-"""The options of a command as rows, read from its frozen dataclass: one field, one row.
+"""Table of the options of a command, read from its frozen dataclass: one row for each field.
 
-A dataclass of options may say more in class variables, beside its fields:
+A dataclass of options may have these class variables:
 
 - `POSITIONALS`: fields given without a name, in this order;
 - `BASIC`: options and groups of options that `--help` shows; without it `--help` shows all;
-- `VALUES`: what the value of an option is called: `FILE`, `FOLDER` or `SOURCE` (a shell completes these),
-  `a|b|c` for words, any other word. Without it the type says so;
+- `VALUES`: names of values in the help: `FILE`, `FOLDER` or `SOURCE` (the shell completes these),
+  `a|b|c` for words, or any other word; by default the type gives the name;
 - `ALIASES`: short names;
-- `WORDS`: values that a shell proposes besides those in `VALUES` and the type.
+- `WORDS`: completions in the shell besides those of `VALUES` and the type.
 """
 
 import ast
@@ -35,20 +35,20 @@ class Option:
     can_be_none: bool
     default: Any
     help: str  # on one line
-    value: str  # what the value is called, "" for a switch
+    value: str  # name of the value, "" for a switch
     is_positional: bool
     is_basic: bool
     alias: str  # such as -o, "" without one
-    known_words: tuple[str, ...] = ()  # values it may have, among others
+    known_words: tuple[str, ...] = ()  # some of its values
 
     @property
     def flag(self) -> str:
-        """As a user writes it: --slam.tracker.points."""
+        """The flag, as --slam.tracker.points."""
         return flag_of(self.name)
 
     @property
     def off_flag(self) -> str:
-        """What turns a switch off: --no-evaluate, --slam.ba.no-enabled."""
+        """The flag that turns a switch off, as --no-evaluate, --slam.ba.no-enabled."""
         return off_flag_of(self.name)
 
     @property
@@ -68,14 +68,14 @@ class Option:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The values that are known; a word that ends in : is the beginning of one."""
+        """The known values; a word that ends in : is the start of a value."""
         found = self.known_words or tuple(map(str, _literals(self.kind)))
         if found or "|" not in self.value:
             return found
         return tuple(re.sub("[A-Z]+$", "", word) for word in self.value.split("|"))
 
     def default_text(self) -> str:
-        """The default as a user writes it; "" for none, and for what is empty or off."""
+        """The default as on the command line; "" if it is None, empty or off."""
         value = self.default
         if value is None or value is False or value == () or value == "":
             return ""
@@ -85,18 +85,18 @@ class Option:
 
 
 def flag_of(name: str) -> str:
-    """An option of this name as a user writes it: --slam.tracker.points."""
+    """The flag of the option of this name, as --slam.tracker.points."""
     return f"--{name.replace('_', '-')}"
 
 
 def off_flag_of(name: str) -> str:
-    """What turns a switch of this name off: --no-evaluate, --slam.ba.no-enabled."""
+    """The flag that turns the switch of this name off, as --no-evaluate, --slam.ba.no-enabled."""
     group, dot, leaf = name.rpartition(".")
     return flag_of(f"{group}{dot}no-{leaf}")
 
 
 def option_table(cls: type, default: Any = None) -> list[Option]:
-    """All options of this dataclass, groups included, with the values of `default` (none: `cls()`)."""
+    """All options of this dataclass and its groups; defaults are the values of `default` (None: `cls()`)."""
     shown = getattr(cls, "BASIC", None)
     start = cls() if default is None else default
     return [
@@ -117,7 +117,7 @@ def group_purposes(cls: type, prefix: str = "") -> dict[str, str]:
 
 
 def purpose(cls: type) -> str:
-    """The docstring of a dataclass of options as users read it: without `Raises`, with its `EPILOGUE`."""
+    """The docstring of a dataclass of options for the help: without `Raises`, with its `EPILOGUE`."""
     text = inspect.cleandoc(cls.__doc__ or "").partition("\n\nRaises:")[0]
     return "\n\n".join(part for part in (text, getattr(cls, "EPILOGUE", "")) if part)
 
@@ -145,7 +145,7 @@ def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> I
 
 @cache
 def _fields(cls: type) -> dict[str, tuple[Any, bool]]:
-    """Type of each field, without None, and whether it can be None."""
+    """Type of each field without None, and whether it can be None."""
     hints = typing.get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in dataclasses.fields(cls)}
 

@@ -1,4 +1,4 @@
-"""A command line into options, by argparse: every mistake is one line."""
+"""Parses a command line with argparse; every error is one line."""
 
 import argparse
 import typing
@@ -14,7 +14,7 @@ _EXPECTED = {int: "a whole number", float: "a number"}
 
 
 def parsed(cls: type, prog: str, args: Sequence[str]) -> dict[str, Any]:
-    """The options that the command line gives, and no others, by name (`slam.tracker.points`).
+    """The options that the command line sets, by name (`slam.tracker.points`).
 
     Raises:
         UserError: an unknown option (the nearest is suggested), or a value of the wrong kind.
@@ -39,7 +39,7 @@ def parsed(cls: type, prog: str, args: Sequence[str]) -> dict[str, Any]:
 
 
 class _Numbers:
-    """What begins with a dash and is a value: -1e-3 and -inf, too, which argparse takes for options."""
+    """Matches numbers that begin with a dash, also -1e-3 and -inf, which argparse takes for options."""
 
     @staticmethod
     def match(text: str) -> bool:
@@ -89,7 +89,7 @@ class _Tuples(argparse.Action):
 
 
 def _positionals(prog: str, rest: list[str], table: Sequence[Option]) -> dict[str, Any]:
-    """What is no option: the values of the positionals, in their order, wherever they stand."""
+    """The values of the positionals, in their order, anywhere on the command line."""
     for arg in rest:
         if arg.startswith("-") and len(arg) > 1 and not _is_number(arg):
             raise UserError(_unknown(prog, arg, table))
@@ -120,7 +120,7 @@ def _positional(option: Option, text: str) -> Any:
 
 
 def _reader(option: Option) -> Callable[[str], Any]:
-    """What makes a value of the option out of a word; argparse takes its error for its own."""
+    """The function that converts a word to a value of the option; argparse reports its error."""
     kind = typing.get_args(option.kind)[0] if option.is_list else option.kind
     literals = {str(value): value for value in typing.get_args(kind)}
 
@@ -141,7 +141,7 @@ def _reader(option: Option) -> Callable[[str], Any]:
 
 
 def _dashed(arg: str) -> str:
-    """--log_part_mb is --log-part-mb as well."""
+    """Accept --log_part_mb for --log-part-mb."""
     name, equals, value = arg.partition("=")
     return f"{name.replace('_', '-')}{equals}{value}" if arg.startswith("--") else arg
 

@@ -260,7 +260,7 @@ def test_frames_of_another_camera_are_exported_to_a_folder_of_their_own(tmp_path
 @pytest.mark.parametrize(
     ("taken", "expected"),
     [
-        ("frames/rgb.txt", "frames: holds frames already: expected a new folder"),
+        ("frames/rgb.txt", "frames: already holds frames: expected a new folder"),
         ("run.rrd/x", "run.rrd: is a folder: expected a file"),
     ],
 )

@@ -130,7 +130,7 @@ def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
         (("grid", "m", "--base-T-camera", "1", "2"), "--base-T-camera 1 2: expected 7 numbers"),
         (
             ("esdf", "m", "--up", *"001", "--base-T-camera", *"0000001"),
-            "--up, --base-T-camera: both say what is up: expected one of the two",
+            "--up, --base-T-camera: both define up: expected one of them",
         ),
         (
             ("grid", "m", "--voxel", "0.4"),

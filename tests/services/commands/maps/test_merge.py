@@ -77,7 +77,7 @@ def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys
         ((), "merge: no map: expected a run folder or map.safetensors"),
         (("RUN",), "merge: no map: expected a run folder or map.safetensors"),
         (("RUN", "/nowhere"), "/nowhere: no such file: expected a map"),
-        (("RUN", "RUN", "--out", "RUN"), "is there already: expected a new folder"),
+        (("RUN", "RUN", "--out", "RUN"), "already exists: expected a new folder"),
         (("RUN", "RUN", "--out", "/nowhere/x"), "expected a folder in a folder that exists"),
     ],
 )

@@ -100,7 +100,7 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path, capsys):
     assert psnr_db(image[drawn] / 255.0, true[drawn] / 255.0) > 15
     assert video.stat().st_size > 1000
     told = _refused(render_command, [str(saved), *arguments], capsys)
-    assert told == f"error: --out {out}: is there already: expected a new folder\n"
+    assert told == f"error: --out {out}: already has images: expected a new folder\n"
 
 
 def test_a_video_that_the_disk_does_not_take_is_refused_and_the_older_one_stays(

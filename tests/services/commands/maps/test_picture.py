@@ -56,12 +56,12 @@ def test_it_shows_the_room_from_behind_the_camera_without_ceiling_and_near_wall(
 
 
 def test_a_run_without_a_mesh_is_refused(tmp_path: Path):
-    with pytest.raises(UserError, match=r"mesh\.ply: not there: expected a run that has finished"):
+    with pytest.raises(UserError, match=r"mesh\.ply: does not exist: expected a finished run"):
         draw_run(tmp_path)
 
 
 def test_a_picture_that_cannot_be_written_is_refused(run_dir: Path, monkeypatch):
     monkeypatch.setattr(picture, "_POINTS", 10_000)
     (run_dir / "picture.png").mkdir()
-    with pytest.raises(UserError, match=r"picture\.png: .*: expected to write the picture there"):
+    with pytest.raises(UserError, match=r"picture\.png: .*: expected a file that can be written"):
         draw_run(run_dir)

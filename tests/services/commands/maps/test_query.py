@@ -60,7 +60,7 @@ def test_the_table_has_a_line_for_each_place(saved, capsys):
     [
         (("qeury",), "qeury: expected query, grid, esdf, export, merge; did you mean query?"),
         (("query",), "query: no map: expected a run folder or map.safetensors"),
-        (("query", "m"), "query: no place: expected --point X Y Z or --points FILE"),
+        (("query", "m"), "query: no point: expected --point X Y Z or --points FILE"),
         (("query", "m", "--point", "1", "2"), "--point 1 2: expected X Y Z in metres"),
         (("query", "m", "--point", "1", "2", "inf"), "--point 1 2 inf: expected X Y Z in metres"),
         (("query", "m", "--point", "1", "2", "east"), "--point east: expected a number"),
