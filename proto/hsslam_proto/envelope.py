@@ -1,4 +1,4 @@
-"""The 24-byte attachment of each message; a separate file, as clients read it without the codec."""
+"""The 24-byte attachment of each message; alone, as clients read it without the codec."""
 
 import struct
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which messages belong to the current map epoch; log and viewer share it."""
+"""Which messages belong to the current map epoch; alone, as log and viewer share it."""
 
 from hsslam_proto.message import Message
 

@@ -1,4 +1,4 @@
-"""Reads messages of grids and distances as arrays; separate from `compose`, which needs compiled kernels."""
+"""Reads messages of grids and distances as arrays; apart from `compose`, which needs compiled kernels."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The grid of free cells as a Foxglove Grid."""
+"""The grid of free cells as a Foxglove Grid; alone, as it makes the pixels itself."""
 
 import numpy as np
 from foxglove_schemas_protobuf.Grid_pb2 import Grid as FoxgloveGrid

@@ -1,4 +1,4 @@
-"""JSON Schemas of the messages, for the log; generated from the message types."""
+"""JSON Schemas of the messages, for the log; alone, as message types generate them."""
 
 import json
 from functools import cache

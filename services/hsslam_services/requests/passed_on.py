@@ -1,4 +1,4 @@
-"""Requests that another process answers: the one with the map, or the tracker."""
+"""Requests that mesher or tracker answer; apart from those that the supervisor answers."""
 
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import Request

@@ -1,4 +1,4 @@
-"""A depth image as a bounded number of points."""
+"""A depth image as a bounded number of points; alone, as it needs no ROS."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Stamp of a ROS message; readers of nodes and of bags share it."""
+"""Header stamp of a ROS message; alone, as readers of nodes and of bags share it."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The keyframes of a run as a path for ROS."""
+"""The keyframes of a run as a path for ROS; apart from the process that publishes it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Converts stamps of a source to the clock of ROS."""
+"""Converts stamps of a source to the clock of ROS; alone, as the offset of the clocks changes."""
 
 from collections import deque
 

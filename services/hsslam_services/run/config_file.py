@@ -1,4 +1,4 @@
-"""`config.toml`: the effective options of a run."""
+"""`config.toml`: the effective options of a run; apart from `options`, which writes no TOML."""
 
 import dataclasses
 from typing import Any

@@ -1,4 +1,4 @@
-"""Finds running runs on this machine; separate from `arena_folder`, whose importers parse no options."""
+"""Finds running runs on this machine; apart from `arena_folder`, whose importers parse no options."""
 
 import contextlib
 from pathlib import Path

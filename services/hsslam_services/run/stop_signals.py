@@ -1,5 +1,4 @@
-"""The signals that end a run in order, and the signal that ends each of its processes; a batch uses them,
-too."""
+"""The signals that end a run in order, and the one that ends its processes; alone, as batches use them."""
 
 import signal
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""The limit of open files and sockets of the supervisor."""
+"""The limit of open files and sockets; alone, as it changes a limit of the process."""
 
 import contextlib
 import resource

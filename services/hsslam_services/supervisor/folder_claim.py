@@ -1,4 +1,4 @@
-"""A lock that allows one run at a time in a run folder."""
+"""A lock that allows one run at a time in a folder; alone, as start and end of a run share it."""
 
 import contextlib
 import fcntl

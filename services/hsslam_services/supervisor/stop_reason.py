@@ -1,4 +1,4 @@
-"""Why a run ends: the user, the source, or a failure."""
+"""Why a run ends: the user, the source, or a failure; apart from the loop, which only acts on it."""
 
 from collections.abc import Collection
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Keeps frames until their poses come; for processes that need both."""
+"""Keeps frames until their poses come; alone, as several processes need both."""
 
 from collections import OrderedDict
 

@@ -1,4 +1,4 @@
-"""Keeps pandas out of a process that draws; call it before the first use of rerun."""
+"""Keeps pandas out of a process that draws; alone, as it must run before the first use of rerun."""
 
 import sys
 from collections.abc import Sequence

@@ -44,5 +44,7 @@ def test_the_process_is_there_if_it_is_asked_for():
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch):
     expect_packages("--ros2-out /hsslam")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UserError, match=r"package rosbags is not installed: pip install 'hsslam-node"):
+    with pytest.raises(
+        UserError, match=r"package rosbags is not installed: pip install 'hsslam-node"
+    ):
         expect_packages("--ros2-out /hsslam")

@@ -23,7 +23,7 @@ def test_options_survive_the_file(tmp_path: Path):
 def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path, text: str | None):
     if text is not None:
         (tmp_path / "run.json").write_text(text)
-    with pytest.raises(UserError, match="expected run.json of a run") as caught:
+    with pytest.raises(UserError, match=r"expected run\.json of a run") as caught:
         RunInfo.read(tmp_path)
     assert "\n" not in str(caught.value)
 

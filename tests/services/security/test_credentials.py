@@ -46,7 +46,7 @@ def test_one_of_another_ca_and_a_bundle_of_several(certs, other_certs, tmp_path)
     folder = shutil.copytree(certs / "camera", tmp_path / "camera")
     theirs, ours = ((each / "ca" / "ca.pem").read_bytes() for each in (other_certs, certs))
     (folder / "ca.pem").write_bytes(theirs)
-    with pytest.raises(UserError, match="the CA in ca.pem did not issue"):
+    with pytest.raises(UserError, match=r"the CA in ca\.pem did not issue"):
         Credentials.read(folder)
     make_certificates(tmp_path / "old", (), 0)
     for first in (theirs, (tmp_path / "old" / "ca" / "ca.pem").read_bytes()):

@@ -1,4 +1,4 @@
-"""The command `hsslam completion bash|zsh|fish`."""
+"""The command `hsslam completion bash|zsh|fish`; each command has a file of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

@@ -1,4 +1,4 @@
-"""The options of `hsslam completion`; separate, because the table of all options imports this module."""
+"""The options of `hsslam completion`; alone, as the table of all options imports them."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal

@@ -1,4 +1,4 @@
-"""Writes the newest mesh of a log; separate from `export`, which then imports trimesh only for a mesh."""
+"""Writes the newest mesh of a log; apart from `export`, so that only a mesh imports trimesh."""
 
 from collections.abc import Iterator
 from pathlib import Path

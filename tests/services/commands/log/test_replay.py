@@ -109,7 +109,10 @@ def test_without_a_service_step_gives_up(tmp_path):
     path = write_log(tmp_path, count=2)
     endpoint = free_endpoint()
     router = open_router(endpoint)
-    with Bus(endpoint, "r", "replay") as bus, pytest.raises(UserError, match="no service: expected"):
+    with (
+        Bus(endpoint, "r", "replay") as bus,
+        pytest.raises(UserError, match="no service: expected"),
+    ):
         StepByStep(bus, print, patience_s=0.3).replay(bus_messages([path]))
     router.close()
 
