@@ -135,6 +135,6 @@ class CtlOptions:
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
-            raise UserError(f"--out {self.out}: mesh writes PLY: expected a file .ply")
+            raise UserError(f"--out {self.out}: expected a file .ply, the format of mesh")
         if self.out is not None and not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")

@@ -49,7 +49,7 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     in_the_way.mkdir()
     arena = _arena(run)
     running = _rescue(run.out)
-    assert running.returncode == ExitCode.BAD_INPUT and "is going on" in running.stderr
+    assert running.returncode == ExitCode.BAD_INPUT and "in use by its run" in running.stderr
     run.signal()
     assert run.finish() == ExitCode.NOT_SAVED, run.stderr
     assert _missing(run.out) == ["trajectory.txt"]

@@ -94,7 +94,7 @@ def test_a_trajectory_of_other_frames_is_bad_input(result, tmp_path, capsys):
     write_tum(other, Trajectory(poses.stamps_ns + 10**12, poses.T_world_cam))
     empty = tmp_path / "empty.txt"
     empty.write_text("# none\n")
-    for path, text in ((other, "none of its poses, 1000"), (empty, "no poses: expected some")):
+    for path, text in ((other, "none of its poses, 1000"), (empty, "no poses: expected poses")):
         with pytest.raises(SystemExit) as end:
             main(["--trajectory", str(path), "--mesh", str(result / "mesh.ply"), *_SOURCE])
         told = capsys.readouterr().err

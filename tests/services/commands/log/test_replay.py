@@ -131,7 +131,7 @@ def test_keys_choose_topics():
         ("LOG --step", "--step: waits for a service: expected --connect"),
         ("LOG --only out/posse", "--only out/posse: no such topic: expected some of in/frame"),
         ("LOG --only /a//b", "--only /a//b: expected keys such as in/**"),
-        ("LOG --only sys/stop", "none of sys/stop"),
+        ("LOG --only sys/stop", "no messages: expected some on sys/stop"),
         (
             "LOG --only out/pose in/** --connect tcp/127.0.0.1:1",
             "--only out/pose in/**: out/pose comes from the service: expected in/** with --connect",

@@ -139,7 +139,7 @@ def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
         (("grid", "m", "--far-m", "0"), "--far-m 0.0: expected metres above 0, 12 at most"),
         (("esdf", "m", "--voxel", "0"), "--voxel 0.0: expected 0.01 to 0.5 m"),
         (("grid", "m", "--to-height-m", "0.1"), "--from-height-m 0.15 --to-height-m 0.1: expected"),
-        (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected the second above"),
+        (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected from < to"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
