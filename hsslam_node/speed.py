@@ -60,7 +60,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m hsslam_node.speed")
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--presets", nargs="+", choices=_PRESETS, default=_PRESETS)
-    parser.add_argument("--frames", type=int, default=81, help="count, of the built-in room")
+    parser.add_argument("--frames", type=int, default=81, help="frames of the built-in room")
     parser.add_argument("--json", action="store_true", help="one line of JSON instead of text")
     options = parser.parse_args()
     try:

@@ -130,7 +130,7 @@ def check_stamp_jitter(intervals_ns: np.ndarray, of: str) -> Finding:
     )
     advice = (
         "use the sensor's own stamps instead of the time of arrival; without them, stamp frame n of "
-        "a camera with a steady clock n / rate"
+        "a camera with a steady clock as n / rate"
     )
     if share > _JITTER_FAULT:
         return check.fault(jitter_ms, seen, advice)

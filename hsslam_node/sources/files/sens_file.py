@@ -81,7 +81,7 @@ class SensFile:
         if len(raw) != 2 * width * height:
             raise BadImageError(
                 f"{self.path}: depth of frame {index}: {len(raw)} bytes: expected {width}x{height} "
-                "pixels of 2"
+                "pixels of 2 bytes"
             )
         depth = np.frombuffer(raw, "<u2").reshape(height, width)
         return data[: frame.color_bytes], depth.astype(np.uint16)

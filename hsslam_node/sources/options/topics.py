@@ -51,7 +51,7 @@ class Ros2Options:
             UserError: not a ROS 2 namespace.
         """
         if not re.fullmatch(r"/|(/\w+)+", name):
-            raise UserError(f"source ros2:{name}: expected the camera's namespace, e.g. ros2:/camera")
+            raise UserError(f"source ros2:{name}: expected the camera's namespace: ros2:/camera")
         color, depth = (_below(name, topic) for topic in (self.color, self.depth))
         beside = f"{color.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
         return color, depth, _below(name, self.info) if self.info else beside
