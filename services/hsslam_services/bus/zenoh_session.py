@@ -191,8 +191,8 @@ def _expect_shared_memory(reason: str) -> None:
     if "shm segment" in reason:
         shm = os.statvfs("/dev/shm")
         raise OutOfMemoryError(
-            f"/dev/shm: a zenoh session needs some kilobytes, {shm.f_bavail * shm.f_frsize} bytes are "
-            f"free: expected more shared memory (docker: --shm-size) ({reason})"
+            f"/dev/shm: zenoh needs some thousand bytes for a session, {shm.f_bavail * shm.f_frsize} "
+            f"are free: expected more shared memory (docker: --shm-size) ({reason})"
         ) from None
 
 
