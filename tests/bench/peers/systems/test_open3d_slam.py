@@ -30,5 +30,5 @@ def test_poses_of_a_room_and_its_surface():
 
 
 def test_no_frame_is_told():
-    with pytest.raises(UserError, match="no frame"):
+    with pytest.raises(UserError, match="no readable frame"):
         frame_to_model([])
