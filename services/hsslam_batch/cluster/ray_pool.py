@@ -153,6 +153,7 @@ def _fitting(node: dict[str, Any], share: Share) -> int:
 
 
 def _largest() -> str:
-    cpus = max((node["Resources"].get("CPU", 0.0) for node in _alive()), default=0.0)
-    memory = max((node["Resources"].get("memory", 0.0) for node in _alive()), default=0.0)
+    """Cores and memory of the node with most cores; if several have as many, of the one with most memory."""
+    nodes = [node["Resources"] for node in _alive()]
+    cpus, memory = max((has.get("CPU", 0.0), has.get("memory", 0.0)) for has in nodes or [{}])
     return f"{cpus:g} cores and {memory / 1e9:.1f} GB"

@@ -79,7 +79,7 @@ def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path:
     refusals: list[TaskResult] = []
     with connected(cluster.address):
         with pytest.raises(
-            UserError, match=r"more than any node has: expected at most 1 cores and 2"
+            UserError, match=r"than any node has: expected at most 1 cores and 2\.0 GB"
         ):
             RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=3.0), None)
         share = Share(1.0, memory_gb=1.0)
