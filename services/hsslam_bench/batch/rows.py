@@ -1,7 +1,6 @@
 """Rows of `hsslam-batch`: its own costs, and the costs of logs."""
 
 import importlib.util
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -169,4 +168,4 @@ def _in_slots(session: Session) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
 def _found(session: Session, module: str, *arguments: str) -> dict[str, Any]:
     if importlib.util.find_spec("ray") is None:
         raise NotMeasured("package ray is missing: pip install 'hsslam-node[batch]'")
-    return json.loads(session.python(f"hsslam_bench.batch.{module}", *arguments))
+    return session.figures(f"hsslam_bench.batch.{module}", *arguments)

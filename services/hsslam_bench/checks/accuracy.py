@@ -1,6 +1,5 @@
 """Rows of lockstep runs: accuracy, reproducibility, mesh, covariances, and the map term of tracking."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -143,7 +142,7 @@ def _covariance_check(sequence: str) -> Check:
         noisy = ("--noise", noise) if noise else ()
         script = "hsslam_bench.scripts.covariance_run"
         found = [
-            json.loads(session.python(script, session.source(place), str(seed), *noisy))
+            session.figures(script, session.source(place), str(seed), *noisy)
             for seed in session.seeds
         ]
         poses = sum(one["poses"] for one in found)

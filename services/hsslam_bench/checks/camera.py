@@ -1,6 +1,5 @@
 """Rows of cameras that miss frames, are kidnapped, or localise in a saved map: scores over the seeds."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -25,10 +24,7 @@ def camera_scores(session: Session, script: str, sequence: str, *options: str) -
     place, _, noise = sequence.partition("-")
     noisy = ("--noise", noise) if noise else ()
     source = session.source(place)
-    return [
-        json.loads(session.python(script, source, str(seed), *noisy, *options))
-        for seed in session.seeds
-    ]
+    return [session.figures(script, source, str(seed), *noisy, *options) for seed in session.seeds]
 
 
 def wrong_poses(name: str, of: str, scored: Callable[[Session], Scores]) -> Check:
@@ -115,7 +111,7 @@ def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         source = session.source(sequence)
         module = "hsslam_bench.scripts.localise_run"
-        scores = [json.loads(session.python(module, source, str(s))) for s in session.seeds]
+        scores = [session.figures(module, source, str(s)) for s in session.seeds]
         worst_m = max(score["max_m"] for score in scores)
         worst_deg = max(score["max_deg"] for score in scores)
         medians = ", ".join(f"{100 * score['median_m']:.2f}" for score in scores)

@@ -1,7 +1,6 @@
 """Rows of means over the seeds: trajectories, our mesh and TSDFs, consistency of frames without a truth."""
 
 import importlib.util
-import json
 from collections.abc import Callable
 from statistics import fmean
 from typing import Any
@@ -160,7 +159,7 @@ def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[S
 
 
 def _scores(session: Session, run: ServeRun, what: str) -> dict[str, Any]:
-    return json.loads(session.python(_MODULE, str(run.folder), what))
+    return session.figures(_MODULE, str(run.folder), what)
 
 
 def _mean(what: str, values: list[float | None]) -> float:

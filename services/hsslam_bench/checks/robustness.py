@@ -1,6 +1,5 @@
 """Rows of hard tracking (people, exposure, bare walls, lens, odometry, stride), refinement, and presets."""
 
-import json
 from statistics import fmean
 from typing import Any
 
@@ -232,4 +231,4 @@ def _found(session: Session, preset: str, frames: int = _FRAMES) -> dict[str, An
         raise NotMeasured(f"there is no preset {preset}")
     source = session.source(_SEQUENCE)
     module = "hsslam_bench.scripts.preset_speed"
-    return json.loads(session.python(module, preset, source, str(frames)))
+    return session.figures(module, preset, source, str(frames))

@@ -1,6 +1,5 @@
 """Rows of speed: kernels against PyTorch, a mapping iteration, tracking stages, an NVIDIA GPU."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -54,7 +53,7 @@ def _iteration_checks() -> list[Check]:
 
 def _iteration(session: Session, batch: Sequence[int], **bound: float | None) -> Measured:
     """Time of an iteration; `bound`: name of the figure in the result, and its limit (None: no bound)."""
-    found = json.loads(session.python("hsslam_bench.scripts.iteration_speed", *map(str, batch)))
+    found = session.figures("hsslam_bench.scripts.iteration_speed", *map(str, batch))
     ((name, limit),) = bound.items()
     return Measured(
         f"{found['median_ms']:.1f} ms, {found['us_per_point']:.2f} us a point "
@@ -71,7 +70,7 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
 
     def measure(session: Session) -> Measured:
         arguments = (str(rays), str(samples), str(channels))
-        found = json.loads(session.python("hsslam_bench.scripts.kernel_speed", *arguments))
+        found = session.figures("hsslam_bench.scripts.kernel_speed", *arguments)
         return Measured(
             f"{found['kernel_ms']:.1f} ms against {found['reference_ms']:.0f} ms: "
             f"{found['ratio']:.1f} x",
@@ -92,7 +91,7 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
 
 
 def _tracking(session: Session) -> Measured:
-    found = json.loads(session.python("hsslam_bench.scripts.tracking_stages"))
+    found = session.figures("hsslam_bench.scripts.tracking_stages")
     return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
 
 
@@ -109,7 +108,7 @@ def _gpu_speed_check(preset: str, least: float) -> Check:
     def measure(session: Session) -> Measured:
         _expect_cuda()
         arguments = ("--device", "cuda", preset, session.source("room"), str(_FRAMES))
-        found = json.loads(session.python("hsslam_bench.scripts.preset_speed", *arguments))
+        found = session.figures("hsslam_bench.scripts.preset_speed", *arguments)
         error = "no" if found["rmse_m"] is None else f"{100 * found['rmse_m']:.2f} cm"
         return Measured(
             f"{found['fps']:.1f} frames a second, {error} ATE, {found['lost']} lost; "

@@ -1,7 +1,5 @@
 """Rows of the peers, all measured only by name; apart from `checks`, which `results` and `tables` import."""
 
-import json
-
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.peers.systems.catalogue import PEERS, SEQUENCES
 from hsslam_bench.peers.systems.peer import Peer
@@ -27,8 +25,7 @@ def _check(sequence: str, peer: Peer) -> Check:
             raise NotMeasured(str(error)) from None
         noise = ("--noise", "kinect") if "kinect" in changes else ()
         folder = session.folder / f"peer-{sequence}-{peer.name}"
-        printed = session.python(_MODULE, peer.name, source, str(folder), *noise)
-        values = json.loads(printed.splitlines()[-1])
+        values = session.figures(_MODULE, peer.name, source, str(folder), *noise)
         return Measured(in_words(values), None, values, values.get("ate_cm"), "lower")
 
     what = f"{sequence}, every frame, one thread: {peer.title} ({peer.settings})"

@@ -1,5 +1,6 @@
 """One benchmark session: makes the runs of the service that the checks need, each once."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -7,7 +8,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from hsslam_bench.runs.cpu_quota import NoQuotaError
 from hsslam_bench.runs.sequences import QUICK_FRAMES, RoomCamera, Sequences
@@ -217,15 +218,23 @@ class Session:
         finally:
             shutil.rmtree(cache, ignore_errors=True)
 
-    def python(self, module: str, *arguments: str) -> str:
-        """Run a module alone, once, with one numeric thread and compiled kernels; returns its output."""
+    def figures(self, module: str, *arguments: str) -> dict[str, Any]:
+        """Run a module alone, once, with one thread and compiled kernels; returns the JSON of its last line.
+
+        Raises:
+            RunFailedError: it fails, or its last line is no JSON.
+        """
         key = (module, *arguments)
         if key not in self.outputs:
             self.warm_up()
             self.say(" ".join((module.rpartition(".")[2], *arguments)))
             quick = ("--quick",) if self.quick else ()
             self.outputs[key] = _python(module, *quick, *arguments)
-        return self.outputs[key]
+        last = "".join(self.outputs[key].splitlines()[-1:])
+        try:
+            return json.loads(last)
+        except ValueError:
+            raise RunFailedError(f"{module} printed {last[:80]!r}: expected JSON") from None
 
     def source(self, sequence: str) -> str:
         """The source of a sequence.

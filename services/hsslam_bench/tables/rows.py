@@ -3,7 +3,6 @@
 Apart from `checks`, which `results` imports.
 """
 
-import json
 import math
 import os
 import statistics
@@ -60,7 +59,7 @@ def paper_checks() -> list[Check]:
 def _speed(session: Session) -> Measured:
     cores = str(len(os.sched_getaffinity(0)))
     arguments = ("--threads", cores, "paper", session.source(_SPEED_SEQUENCE), str(_SPEED_FRAMES))
-    found = json.loads(session.python("hsslam_bench.scripts.preset_speed", *arguments))
+    found = session.figures("hsslam_bench.scripts.preset_speed", *arguments)
     return Measured(
         f"{found['fps']:.2f} frames a second, ATE RMSE {100 * found['rmse_m']:.2f} cm, "
         f"lost {found['lost']}",

@@ -197,7 +197,9 @@ def test_a_damaged_bag_is_one_line(kind: str, room, tmp_path: Path):
 
 def test_the_camera_of_a_bag_is_its_own_but_for_the_scale_of_depth(room, tmp_path: Path):
     path = written(tmp_path, KINDS[0], room)
-    expected = "--camera.fx 9.0: source bag:.* has its own camera: expected only --camera.depth-scale"
+    expected = (
+        "--camera.fx 9.0: source bag:.* has its own camera: expected only --camera.depth-scale"
+    )
     with pytest.raises(UserError, match=expected):
         open_any_source(f"bag:{path}", SourceOptions(camera=CameraOptions(fx=9.0)))
     assert opened(path, 2000.0).depth_units_per_m == 2000.0

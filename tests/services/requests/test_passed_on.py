@@ -74,7 +74,9 @@ def test_the_answer_comes_from_the_process_that_has_the_map(gateway):
 
 
 def test_without_that_process_it_is_refused_at_once(gateway):
-    with pytest.raises(RefusedError, match="query: the process that answers it is busy or not running"):
+    with pytest.raises(
+        RefusedError, match="query: the process that answers it is busy or not running"
+    ):
         _ask(gateway, POINTS)
 
 

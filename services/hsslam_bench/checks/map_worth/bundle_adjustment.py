@@ -1,6 +1,5 @@
 """What each kind of bundle adjustment makes of the poses: rows measured only by name."""
 
-import json
 import math
 from typing import get_args
 
@@ -51,6 +50,6 @@ def _check(sequence: str) -> Check:
 def _depth_m(session: Session, run: ServeRun) -> float:
     """Median difference of the depth of frames that show the same places, m."""
     module = "hsslam_bench.runs.run_score"
-    score = json.loads(session.python(module, str(run.folder), "consistency"))
+    score = session.figures(module, str(run.folder), "consistency")
     rows = score["consistency"]["estimated"]
     return next(row["depth_median_m"] for row in rows if row["gap_frames"] == _GAP_FRAMES)

@@ -1,6 +1,5 @@
 """Rows of distances in free space and the time of their updates, all measured only by name."""
 
-import json
 import math
 from statistics import fmean
 
@@ -65,7 +64,7 @@ def _errors_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         module = "hsslam_bench.free_space.run"
         found = [
-            json.loads(session.python(module, session.source(place), str(seed), *noise))
+            session.figures(module, session.source(place), str(seed), *noise)
             for seed in session.seeds
         ]
         errors = {
@@ -131,7 +130,7 @@ def _update(session: Session) -> Measured:
 def _paths(session: Session) -> Measured:
     place, module = _HELD.partition("-")[0], "hsslam_bench.free_space.paths"
     found = [
-        json.loads(session.python(module, session.source(place), str(seed), "--noise", "kinect"))
+        session.figures(module, session.source(place), str(seed), "--noise", "kinect")
         for seed in session.seeds
     ]
     colliding, ours, exact, both = (
@@ -150,7 +149,7 @@ def _paths(session: Session) -> Measured:
 
 def _moved(session: Session) -> Measured:
     module = "hsslam_bench.free_space.moved"
-    found = [json.loads(session.python(module, str(seed))) for seed in session.seeds]
+    found = [session.figures(module, str(seed)) for seed in session.seeds]
     times = {
         name: [math.inf if one[name] is None else one[name] for one in found]
         for name in ("grid_s", "distances_s")
@@ -180,4 +179,4 @@ def _query(session: Session) -> Measured:
 
 def _window(session: Session) -> dict[str, float]:
     module = "hsslam_bench.free_space.update_time"
-    return json.loads(session.python(module, session.source("house"), "--noise", "kinect"))
+    return session.figures(module, session.source("house"), "--noise", "kinect")

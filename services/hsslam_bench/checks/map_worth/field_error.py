@@ -1,6 +1,5 @@
 """Rows of the error of the map's zero level at the true surface, all measured only by name."""
 
-import json
 from statistics import fmean
 
 from hsslam_bench.checks.check import Check, Measured
@@ -25,7 +24,7 @@ def _field_error_check(sequence: str) -> Check:
         place, *changes = sequence.split("-")
         noise = ("--noise", "kinect") if "kinect" in changes else ()
         found = [
-            json.loads(session.python(_MODULE, session.source(place), str(seed), *noise))
+            session.figures(_MODULE, session.source(place), str(seed), *noise)
             for seed in session.seeds
         ]
         texts = []

@@ -1,7 +1,5 @@
 """Rows of a lost camera: its fragment joins the map where they meet, and joins no lookalike room."""
 
-import json
-
 from hsslam_bench.checks.accuracy import Accuracy
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
@@ -71,7 +69,7 @@ def _fragments(run: ServeRun) -> tuple[int, int]:
 
 
 def _lookalike(session: Session) -> Measured:
-    scores = [json.loads(session.python(_ROOMS, str(seed))) for seed in session.seeds]
+    scores = [session.figures(_ROOMS, str(seed)) for seed in session.seeds]
     wrong, right, pairs, joined, controls = (
         sum(score[name] for score in scores)
         for name in ("wrong", "through_a_door", "pairs", "joined", "controls")

@@ -1,7 +1,5 @@
 """Rows of merged maps: two sessions in one place merge, sessions in different places do not."""
 
-import json
-
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.session import Session
 
@@ -25,7 +23,7 @@ def merge_checks() -> list[Check]:
 def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         module, source = "hsslam_bench.scripts.merge_run", session.source(sequence)
-        scores = [json.loads(session.python(module, source, str(s))) for s in session.seeds]
+        scores = [session.figures(module, source, str(s)) for s in session.seeds]
         ratios = [score["merged_m"] / score["whole_m"] for score in scores]
         each, whole = (
             ", ".join(f"{100 * score[name]:.2f}" for score in scores)
@@ -50,8 +48,7 @@ def _check(sequence: str) -> Check:
 
 def _strangers(session: Session) -> Measured:
     scores = [
-        json.loads(session.python("hsslam_bench.scripts.strange_maps", str(seed)))
-        for seed in session.seeds
+        session.figures("hsslam_bench.scripts.strange_maps", str(seed)) for seed in session.seeds
     ]
     merged, pairs = (sum(score[name] for score in scores) for name in ("merged", "pairs"))
     most = max(score["most_places"] for score in scores)

@@ -1,7 +1,5 @@
 """The row of the speed of map queries; alone, as no other row queries a map."""
 
-import json
-
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.session import Session
 
@@ -20,7 +18,7 @@ def query_checks() -> list[Check]:
 
 
 def _near(session: Session) -> Measured:
-    found = json.loads(session.python(_MODULE))
+    found = session.figures(_MODULE)
     rate = found["points_per_s"]
     return Measured(
         f"{rate / 1e6:.2f} million points a second, {found['with_gradient']:.0%} with a gradient; the first "

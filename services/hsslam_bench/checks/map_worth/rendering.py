@@ -1,6 +1,5 @@
 """How well the map of the default preset draws frames that it was not made of: rows measured by name."""
 
-import json
 from statistics import fmean
 
 from hsslam_bench.checks.check import Check, Measured
@@ -21,7 +20,7 @@ def _check(sequence: str, bound_db: float | None) -> Check:
         for seed in session.seeds:
             run = finished(session.mapped(sequence, seed))
             module = "hsslam_bench.runs.run_score"
-            found = json.loads(session.python(module, str(run.folder), "rendering"))
+            found = session.figures(module, str(run.folder), "rendering")
             if not found.get("rendering", {}).get("images"):
                 raise RunFailedError(f"{run.name}: no frame was drawn")
             scores.append(found["rendering"])

@@ -1,7 +1,5 @@
 """Rows of the gain of a texture in an exported mesh, all measured only by name."""
 
-import json
-
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import finished
 from hsslam_bench.runs.session import Session
@@ -20,7 +18,7 @@ def texture_checks() -> list[Check]:
 def _texture_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         run = finished(session.mapped(sequence))
-        found = json.loads(session.python(_MODULE, str(run.folder), session.source(sequence)))
+        found = session.figures(_MODULE, str(run.folder), session.source(sequence))
         gain_db = found["texture_db"] - found["vertices_db"]
         met = gain_db >= _GAIN_DB and found["seconds"] <= _SECONDS
         return Measured(
