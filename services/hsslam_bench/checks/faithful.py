@@ -1,13 +1,13 @@
 """Rows of means over the seeds: trajectories, our mesh and TSDFs, consistency of frames without a truth."""
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from statistics import fmean
-from typing import Any
+from typing import Any, Literal
 
 from hsslam_bench.checks.accuracy import MESH_VERSION, Accuracy
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import RunFailedError, ServeRun, finished
+from hsslam_bench.runs.serve_run import RunFailedError, finished
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS
 
@@ -15,16 +15,15 @@ _ATE_BOUNDS_M = {"house-kinect": 0.003, "livingroom": 0.001, "house": 0.001}
 _NOISY = "house-kinect"
 _ACCURACY_M, _COMPLETION = 0.008, 0.99
 _DEPTH_M, _ONE_MINUS_NCC = 0.0095, 0.04
-_GAP_FRAMES = 30
+GAP_FRAMES = 30
 _PAIRS = 0.97  # of the pairs of the given poses: with bad poses, frames make no pair
-_MODULE = "hsslam_bench.runs.run_score"
 _PROTOCOLS = ("mesh", "mesh_literature")  # ours, with the bounds; the literature's
 
 
 def faithful_checks() -> list[Check]:
     """One check for each property."""
     mesh = f"{_NOISY}, lockstep, mean of the seeds, a TSDF of the same poses and depth beside"
-    frames = f"kitchen, lockstep, frames {_GAP_FRAMES} apart, mean of the seeds"
+    frames = f"kitchen, lockstep, frames {GAP_FRAMES} apart, mean of the seeds"
     pairs = f"{_PAIRS:.0%} of the pairs of the given poses, none lost"
     return [
         *(_ate_check(name, bound_m) for name, bound_m in _ATE_BOUNDS_M.items()),
@@ -100,7 +99,9 @@ def _mesh_completion(session: Session) -> Measured:
 def _means(session: Session, protocol: str, key: str) -> dict[str, float]:
     """Mean over the seeds for our mesh, then for each TSDF by its name."""
     return {
-        name: _mean(f"{name}: {key}", [score.get(protocol, {}).get(key) for score in scores])
+        name: mean_of_seeds(
+            f"{name}: {key}", [score.get(protocol, {}).get(key) for score in scores]
+        )
         for name, scores in _scored_meshes(session).items()
     }
 
@@ -110,7 +111,7 @@ def _scored_meshes(session: Session) -> dict[str, list[dict[str, Any]]]:
     if importlib.util.find_spec("open3d") is None:
         raise NotMeasured("Open3D is not installed: pip install '.[dev]'")
     runs = [finished(session.lockstep(_NOISY, seed)) for seed in session.seeds]
-    found = [_scores(session, run, "tsdf") for run in runs]
+    found = [session.scores(run, "tsdf") for run in runs]
     ours = [{protocol: score.get(protocol, {}) for protocol in _PROTOCOLS} for score in found]
     names = [options.name for options in TSDF_SETTINGS]
     return {"ours": ours, **{name: [score["tsdf"][name] for score in found] for name in names}}
@@ -132,16 +133,11 @@ def _percent(value: float) -> str:
 def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[Session], Measured]:
     def measure(session: Session) -> Measured:
         runs = [finished(session.lockstep("kitchen", seed)) for seed in session.seeds]
-        found = [_scores(session, run, "consistency") for run in runs]
-        gaps: dict[str, list[dict[str, Any]]] = {
-            whose: [
-                next(row for row in score["consistency"][whose] if row["gap_frames"] == _GAP_FRAMES)
-                for score in found
-            ]
-            for whose in ("estimated", "given")
-        }
+        found = [session.scores(run, "consistency") for run in runs]
+        gaps = {whose: frames_apart(found, whose) for whose in ("estimated", "given")}
         ours, given = (
-            _mean(f"{whose}: {key}", [row[key] for row in rows]) for whose, rows in gaps.items()
+            mean_of_seeds(f"{whose}: {key}", [row[key] for row in rows])
+            for whose, rows in gaps.items()
         )
         pairs, least = (sum(row["pairs"] for row in rows) for rows in gaps.values())
         possible = sum(row["possible"] for row in gaps["given"])
@@ -158,11 +154,15 @@ def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[S
     return measure
 
 
-def _scores(session: Session, run: ServeRun, what: str) -> dict[str, Any]:
-    return session.figures(_MODULE, str(run.folder), what)
+def frames_apart(
+    scores: Sequence[Mapping[str, Any]], whose: Literal["estimated", "given"]
+) -> list[dict[str, Any]]:
+    """How well frames `GAP_FRAMES` apart agree by these poses, one row for each run."""
+    tables = [score["consistency"][whose] for score in scores]
+    return [next(row for row in rows if row["gap_frames"] == GAP_FRAMES) for rows in tables]
 
 
-def _mean(what: str, values: list[float | None]) -> float:
+def mean_of_seeds(what: str, values: list[float | None]) -> float:
     """Mean over the seeds.
 
     Raises:

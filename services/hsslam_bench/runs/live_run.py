@@ -114,7 +114,7 @@ class LiveRun:
         self.wait_until(lambda: len(self.new_poses()) >= wanted, timeout_s)
 
     def new_poses(self) -> list[Pose]:
-        """All poses so far, including those that have just arrived."""
+        """All poses that have arrived so far."""
         assert self.bus
         self.poses.extend(self._pose_subscription.drain())
         return self.poses

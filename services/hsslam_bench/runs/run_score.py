@@ -14,8 +14,8 @@ from hsslam_services.commands.evaluate.subject import run_subject
 
 
 def main() -> None:
-    """tsdf: score the run's mesh and TSDFs of its poses and depth; consistency: of its frames; rendering:
-    frames drawn from its map."""
+    """Print the scores of the mesh and of TSDFs of its poses and depth (tsdf), of the agreement of frames
+    (consistency), or of frames drawn from the map (rendering)."""
     folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
     subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))
     with_tsdf = what == "tsdf"

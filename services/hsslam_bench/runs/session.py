@@ -25,6 +25,7 @@ Lens = Literal["free", "covered"]
 _GROWTH_LENGTH = 3000  # runs take its first frames, so all have the same motion
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
 _SEEDS = (0, 1, 2)
+Score = Literal["tsdf", "consistency", "rendering"]  # of a run, see `run_score.py`
 Terms = Literal["both", "keyframe", "map"]  # terms of tracking that move a pose
 _TERMS: Mapping[Terms, tuple[str, ...]] = {
     "both": (),
@@ -235,6 +236,14 @@ class Session:
             return json.loads(last)
         except ValueError:
             raise RunFailedError(f"{module} printed {last[:80]!r}: expected JSON") from None
+
+    def scores(self, run: ServeRun, what: Score) -> dict[str, Any]:
+        """Scores of a run, as JSON.
+
+        Raises:
+            RunFailedError: the run cannot be scored.
+        """
+        return self.figures("hsslam_bench.runs.run_score", str(run.folder), what)
 
     def source(self, sequence: str) -> str:
         """The source of a sequence.

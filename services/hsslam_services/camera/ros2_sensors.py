@@ -76,7 +76,7 @@ class Ros2Sensors:
         return next((s for s in self._sensors if not s.sensor.has_any), None)
 
     def hear(self) -> None:
-        """Take all received messages; reports those that have another type or cannot be used."""
+        """Take all received messages; report messages of another type and unusable ones."""
         self._hear_transforms()
         for sensor in self._sensors:
             for payload, type_name in _received(sensor.subscriber):

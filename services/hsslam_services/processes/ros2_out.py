@@ -207,8 +207,10 @@ class Ros2Out:
         self._path.put(self._messages.path(stamp_ns, self.names.map, *path))
 
     def _publish_points(self, pose: Pose, now_s: float) -> None:
-        """Publish the points of this pose's image in the camera's frame: layers of a costmap clear along the
-        rays from the origin of that frame."""
+        """Publish the points of this pose's image in the camera's frame.
+
+        A costmap clears the space between the origin of a cloud's frame and its points.
+        """
         if self._images is None:  # receive images only from the first subscriber on
             self._images = WaitingFrames(self._worker.bus)
         message = self._images.of(pose)

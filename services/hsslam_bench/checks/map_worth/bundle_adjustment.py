@@ -5,12 +5,14 @@ from typing import get_args
 
 from hsslam_bench.checks.accuracy import Accuracy
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import ServeRun, finished
+from hsslam_bench.checks.faithful import GAP_FRAMES, frames_apart, mean_of_seeds
+from hsslam_bench.runs.serve_run import finished
 from hsslam_bench.runs.session import Refinement, Session
 
 _SEQUENCES = ("house-kinect", "apartment-kinect", "corridor-kinect", "kitchen")
-_WITHOUT_TRUTH = "kitchen"  # its poses are good to centimetres, so frames are compared as well
-_GAP_FRAMES = 30
+_WITHOUT_TRUTH = (
+    "kitchen"  # its given poses are good to centimetres; agreement of frames stands beside
+)
 
 
 def bundle_adjustment_checks() -> list[Check]:
@@ -30,14 +32,15 @@ def _check(sequence: str) -> Check:
         for how, its in found.items():
             text = f"{how} {100 * its.mean_m:.3f} cm ({its.each_cm(3)}), {its.lost} lost"
             if sequence == _WITHOUT_TRUTH:
-                depths_m = [_depth_m(session, run) for run in runs[how]]
-                values[how]["depth_median_m"] = depths_m
-                text += f", depth {1e3 * sum(depths_m) / len(depths_m):.2f} mm"
+                scores = [session.scores(run, "consistency") for run in runs[how]]
+                rows = values[how]["consistency"] = frames_apart(scores, "estimated")
+                depth_m = mean_of_seeds(how, [row["depth_median_m"] for row in rows])
+                text += f", depth {1e3 * depth_m:.2f} mm, {sum(row['pairs'] for row in rows)} pairs"
             texts.append(text)
         ratio = found["graph"].mean_m / found["joint"].mean_m
         return Measured("; ".join(texts), None, values, ratio, "lower")
 
-    depth = f"; median depth difference of frames {_GAP_FRAMES} apart"
+    depth = f"; median depth difference of frames {GAP_FRAMES} apart"
     what = (
         f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds, by bundle adjustment: a pose graph "
         "(graph), none (unrefined), rendering losses of poses and map (joint), the same with random "
@@ -45,11 +48,3 @@ def _check(sequence: str) -> Check:
         f"{depth if sequence == _WITHOUT_TRUTH else ''}"
     )
     return Check(f"ba:{sequence}", what, "", measure, by_name_only=True, is_lockstep=True)
-
-
-def _depth_m(session: Session, run: ServeRun) -> float:
-    """Median difference of the depth of frames that show the same places, m."""
-    module = "hsslam_bench.runs.run_score"
-    score = session.figures(module, str(run.folder), "consistency")
-    rows = score["consistency"]["estimated"]
-    return next(row["depth_median_m"] for row in rows if row["gap_frames"] == _GAP_FRAMES)

@@ -63,7 +63,7 @@ def _apartment(session: Session) -> Measured:
 
 
 def _fragments(run: ServeRun) -> tuple[int, int]:
-    """Number of fragments, and of those that have joined the map."""
+    """Number of fragments, and number of joined fragments."""
     fragments = run.summary.get("fragments", {}).values()
     return len(fragments), sum(fragment["joined"] for fragment in fragments)
 

@@ -19,8 +19,7 @@ def _check(sequence: str, bound_db: float | None) -> Check:
         scores = []
         for seed in session.seeds:
             run = finished(session.mapped(sequence, seed))
-            module = "hsslam_bench.runs.run_score"
-            found = session.figures(module, str(run.folder), "rendering")
+            found = session.scores(run, "rendering")
             if not found.get("rendering", {}).get("images"):
                 raise RunFailedError(f"{run.name}: no frame was drawn")
             scores.append(found["rendering"])

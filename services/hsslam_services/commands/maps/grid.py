@@ -29,8 +29,8 @@ class GridOptions:
       hsslam-map grid runs/desk --out map.yaml --to-height-m 0.6
 
     A cell is occupied if a keyframe measured a surface over it from less than --far-m and between the two
-    heights above the floor. A cell is free if no keyframe measured a surface there and keyframes saw a third
-    of that height or more. All other cells are unknown. The frame of the map has z up and the floor at z = 0.
+    heights above the floor. Of the other cells, those over which keyframes saw a third of this height or more
+    are free, and the rest are unknown. The frame of the map has z up and the floor at z = 0.
     It is that of hsslam-serve --grid: if the run had --base-T-camera or --ros2-out, x and y are those of the
     frame map in ROS. Otherwise up is against gravity if the run had an IMU, else the normal of the floor that
     the keyframes saw, else the mean up of their images. The command prints which.
