@@ -40,8 +40,10 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     closed = ("sh", "-c", 'exec "$@" <&- >&-', "sh")
     run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate", prefix=closed)
     run.wait_for_poses(20)
+    ask(run.endpoint, "robot", PAUSE, Ask())  # the run cannot end meanwhile
     for spec in _PROCESSES:  # the last ones are born after the first pose
         run.wait_until(partial(_gives_way, run, spec), 20)
+    ask(run.endpoint, "robot", RESUME, Ask())
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
 
