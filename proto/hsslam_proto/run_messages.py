@@ -86,7 +86,7 @@ class Hold(Message, frozen=True, kw_only=True):
 
 
 class Stop(Message, frozen=True, kw_only=True):
-    """The run ends for this reason; a note for the log. The supervisor ends processes by SIGUSR1, stage by
+    """The run ends for this reason; a note for the log. The supervisor ends processes by SIGRTMIN, stage by
     stage."""
 
     reason: Text

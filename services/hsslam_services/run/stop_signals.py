@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-# of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once
-END_SIGNAL = signal.SIGUSR1
+# of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once. No
+# other: LLVM, with which Triton compiles kernels for a GPU, installs handlers for SIGUSR1 and SIGUSR2
+END_SIGNAL = signal.SIGRTMIN
 
 
 def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, Any]:

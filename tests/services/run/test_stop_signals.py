@@ -1,5 +1,6 @@
 """How many stop signals count; those with a + between them come at once."""
 
+import os
 import subprocess
 import sys
 
@@ -37,3 +38,33 @@ def test_a_hangup_counts_only_if_nothing_else_comes(way: str, sent: list[str], c
     command = [sys.executable, "-c", _HEARS, way, *sent]
     heard = subprocess.run(command, capture_output=True, text=True, check=True)
     assert int(heard.stdout) == count
+
+
+_COMPILES = """
+import signal
+import triton
+from triton.backends.compiler import GPUTarget
+from triton.compiler import ASTSource
+from hsslam_node.gpu_kernels.trial_kernel import _add_square
+from hsslam_services.run.stop_signals import END_SIGNAL, leave_stop_signals_to_supervisor
+heard = []
+leave_stop_signals_to_supervisor()
+signal.signal(END_SIGNAL, lambda *_: heard.append("end"))
+types = {"a": "*fp32", "out": "*fp32", "SIZE": "constexpr"}
+triton.compile(ASTSource(_add_square, types, {"SIZE": 16}, {}), target=GPUTarget("cuda", 90, 32))
+for number in (END_SIGNAL, signal.SIGTERM):
+    signal.raise_signal(number)
+print(*heard)
+"""
+
+
+def test_a_process_that_compiled_kernels_for_a_gpu_still_ends_and_still_leaves_sigterm(tmp_path):
+    """LLVM takes SIGUSR1 away: processes on a GPU did not end, and no run did."""
+    pytest.importorskip("triton")
+    environment = {k: v for k, v in os.environ.items() if k != "TRITON_INTERPRET"}
+    done = subprocess.run(
+        [sys.executable, "-c", _COMPILES], env=environment | {"TRITON_CACHE_DIR": str(tmp_path)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.split() == ["end"]
