@@ -3,14 +3,15 @@
 `ParameterCopy` is for a process that steps them, `PublishedCopy` for processes that only read the map.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from hsslam_node.device.device import Device
+from hsslam_node.kernels.chunks import CHUNK, gather_chunks, scatter_chunks
 from hsslam_node.map.parameters import FieldParameters
-
-CHUNK = 16
 
 
 class ChunkTransfer:
@@ -21,27 +22,39 @@ class ChunkTransfer:
 
     def __init__(self, device: Device) -> None:
         self._is_cuda = device.kind == "cuda"
-        self._staging = torch.empty(0, CHUNK)
+        self._staging = torch.empty(0)
 
-    def upload(self, source: np.ndarray, chunks: np.ndarray, target: Tensor) -> None:
-        """target[chunks] = source[chunks]; chunks [n] int64, ascending. Returns when done."""
-        rows = self._rows(len(chunks))
-        np.take(source.reshape(-1, CHUNK), chunks, axis=0, out=rows.numpy())
-        places = torch.from_numpy(chunks).to(target.device)
-        target.view(-1, CHUNK).index_copy_(0, places, rows.to(target.device, non_blocking=True))
+    def upload(
+        self, sources: Sequence[np.ndarray], chunks: np.ndarray, targets: Sequence[Tensor]
+    ) -> None:
+        """target[chunks] = source[chunks] of each pair; chunks [n] int64, ascending. Returns when done."""
+        staging = self._rows(len(sources), len(chunks))
+        for source, rows, target in zip(sources, staging, targets, strict=True):
+            gather_chunks(source, chunks, rows.numpy())
+            places = torch.from_numpy(chunks).to(target.device)
+            sent = rows.to(target.device, non_blocking=True)
+            target.view(-1, CHUNK).index_copy_(0, places, sent)
         self._wait()
 
-    def download(self, source: Tensor, chunks: Tensor, target: np.ndarray) -> None:
-        """target[chunks] = source[chunks]; chunks [n] int64 on the device. Returns when done."""
-        rows = self._rows(len(chunks))
-        rows.copy_(source.view(-1, CHUNK).index_select(0, chunks), non_blocking=True)
+    def download(
+        self, sources: Sequence[Tensor], chunks: Tensor, targets: Sequence[np.ndarray]
+    ) -> None:
+        """target[chunks] = source[chunks] of each pair; chunks [n] int64 on the device. Returns when done."""
+        staging = self._rows(len(sources), len(chunks))
+        for source, rows in zip(sources, staging, strict=True):
+            rows.copy_(source.view(-1, CHUNK).index_select(0, chunks), non_blocking=True)
+        places = chunks.cpu().numpy()
         self._wait()
-        target.reshape(-1, CHUNK)[chunks.cpu().numpy()] = rows.numpy()
+        for rows, target in zip(staging, targets, strict=True):
+            scatter_chunks(rows.numpy(), places, target)
 
-    def _rows(self, count: int) -> Tensor:
-        if len(self._staging) < count:
-            self._staging = torch.empty(count, CHUNK, pin_memory=self._is_cuda)
-        return self._staging[:count]
+    def _rows(self, arrays: int, count: int) -> Tensor:
+        """Staging memory [arrays, count, 16]. It grows to twice its size: page-locking takes milliseconds."""
+        floats = arrays * count * CHUNK
+        if len(self._staging) < floats:
+            room = max(floats, 2 * len(self._staging))
+            self._staging = torch.empty(room, pin_memory=self._is_cuda)
+        return self._staging[:floats].view(arrays, count, CHUNK)
 
     def _wait(self) -> None:
         """Wait until the staging memory is free."""
@@ -74,8 +87,7 @@ class ParameterCopy:
         if host.step == self._step:
             return
         chunks = np.flatnonzero(host.stepped_at > self._step)
-        for source, target in self._pairs():
-            self._transfer.upload(source, chunks, target)
+        self._transfer.upload(self._on_host(), chunks, self._on_device())
         self._step = host.step
 
     def count_step(self) -> int:
@@ -86,19 +98,16 @@ class ParameterCopy:
     def push(self) -> None:
         """Send the chunks that were stepped here to the host."""
         chunks = torch.nonzero(self.stepped_at).flatten()
-        for target, source in self._pairs():
-            self._transfer.download(source, chunks, target)
+        self._transfer.download(self._on_device(), chunks, self._on_host())
         on_host = chunks.cpu().numpy()
         self._host.mark_stepped(on_host, self.stepped_at[chunks].cpu().numpy())
         self.stepped_at.zero_()
 
-    def _pairs(self) -> list[tuple[np.ndarray, torch.Tensor]]:
-        host = self._host
-        return [
-            (host.params, self.params),
-            (host.first_moment, self.first_moment),
-            (host.second_moment, self.second_moment),
-        ]
+    def _on_host(self) -> tuple[np.ndarray, ...]:
+        return self._host.params, self._host.first_moment, self._host.second_moment
+
+    def _on_device(self) -> tuple[Tensor, ...]:
+        return self.params, self.first_moment, self.second_moment
 
 
 class PublishedCopy:
@@ -124,8 +133,8 @@ class PublishedCopy:
                 break
             step = host.published_step(version)
             # includes chunks that writers mark meanwhile, with the values of the published slot
-            chunks = np.flatnonzero(host.stepped_at[: count // 16] > self._step)
-            self._transfer.upload(published[:count], chunks, self.params)
+            chunks = np.flatnonzero(host.stepped_at[: count // CHUNK] > self._step)
+            self._transfer.upload([published[:count]], chunks, [self.params])
             if host.is_intact(version):
                 self.version, self._step = version, step
         return self.version
