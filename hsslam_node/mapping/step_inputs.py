@@ -83,9 +83,11 @@ def smoothness_cube(
     side_m = (vertices - 1) * cell_m
     slack = np.maximum(bound.extent_m - side_m, 0.0)
     origin = np.asarray(bound.low) + generator.random(3) * slack
-    steps = np.arange(vertices) * cell_m
-    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
-    return np.clip(origin + grid, bound.low, bound.high).astype(np.float32)
+    along = origin + np.arange(vertices)[:, None] * cell_m  # [n, 3], each axis by itself
+    along = np.clip(along, bound.low, bound.high).astype(np.float32)
+    cube = np.empty((vertices, vertices, vertices, 3), np.float32)
+    cube[..., 0], cube[..., 1], cube[..., 2] = np.ix_(*along.T)
+    return cube
 
 
 def learning_rates(layout: FieldLayout, config: MapperConfig, factor: float) -> np.ndarray:
