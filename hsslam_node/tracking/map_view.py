@@ -47,6 +47,7 @@ class MapView:
 class DeviceMap:
     """Parameters on the device, and their layout."""
 
+    device: Device
     layout: "GpuLayout"
     params: "Tensor"  # [P], or their geometry prefix
 
@@ -119,4 +120,4 @@ def _open_copy(
     count = layout.parameter_count if with_color else layout.geometry_count
     copy = PublishedCopy(parameters, device, count)
     tables = gpu_layout(kernel_layout(layout), device.tensors_on)
-    return copy, DeviceMap(tables, copy.params)
+    return copy, DeviceMap(device, tables, copy.params)

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
+from hsslam_node.device.device import Device
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.rendering_tracker import RenderingTracker, surface_fit
@@ -20,15 +22,15 @@ from hsslam_node.tracking.map_view import DeviceMap, MapView  # noqa: E402
 from hsslam_node.tracking.rendering_objective import RenderingObjective  # noqa: E402
 from tests.node.gpu_kernels.conftest import on_device  # noqa: E402
 
+GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
 K = 14  # frame
 
 
 @pytest.fixture(scope="module")
 def view() -> MapView:
     view = map_view()
-    return replace(
-        view, on_device=DeviceMap(gpu_layout(view.layout, DEVICE), on_device(view.params))
-    )
+    on_gpu = DeviceMap(GPU, gpu_layout(view.layout, DEVICE), on_device(view.params))
+    return replace(view, on_device=on_gpu)
 
 
 def _twins(view, **options) -> tuple[RenderingObjective, GpuRenderingObjective]:
