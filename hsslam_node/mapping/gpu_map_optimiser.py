@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
@@ -39,7 +40,8 @@ _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7
 class GpuMapOptimiser:
     """Steps a copy of the parameters on the device; the host draws rays, jitter and patches.
 
-    See `Optimiser`. Everything between the inputs and the results of a step is one CUDA graph.
+    See `Optimiser`. A step is two CUDA graphs, rendering and the rest; while the device renders, the host
+    draws patches and cube.
     """
 
     def __init__(
@@ -82,16 +84,17 @@ class GpuMapOptimiser:
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
         self._send_rays(R, poses, generator)
+        self._copy.pull()
+        self._graphs.run("render", self._render)
         parts = _Parts(
             update=update,
             poses=update and with_poses,
             patch=update and self._send_windows(R, generator),
             cube=update and self._send_cube(generator),
         )
-        self._copy.pull()
         if update:
             self._send_rates(rate_factor)
-        self._graphs.run(parts, lambda: self._work(parts))
+        self._graphs.run(parts, lambda: self._learn(parts))
         return self._report(R, n, parts)
 
     def push(self) -> None:
@@ -145,25 +148,26 @@ class GpuMapOptimiser:
         s.step.send()
         s.rates.send()
 
-    def _work(self, parts: "_Parts") -> None:
-        """The step on the device: only launches, on tensors at fixed addresses."""
-        s, c, layout, params = self._space, self._config, self._layout, self._copy.params
-        sampling, T = c.sampling, c.field.truncation_m
-        R, S = s.z.shape
-        count, log_beta = s.ray_count.tensor, params[layout.log_beta : layout.log_beta + 1]
-        sdf, rgb = s.acts.sdf.view(R, S), s.acts.rgb.view(R, S, 3)
-        inside = s.acts.inside.view(R, S)
-        terms, grad = s.terms.tensor, s.gradient
-        terms.zero_()
-        s.d_color.zero_()
+    def _render(self) -> None:
+        """The first part of a step on the device: only launches, on tensors at fixed addresses."""
+        s, layout, params = self._space, self._layout, self._copy.params
+        sampling, T = self._config.sampling, self._config.field.truncation_m
         place_samples(
-            s.rays, count, s.poses.tensor, s.jitter.tensor, sampling.free_samples,
+            s.rays, s.ray_count.tensor, s.poses.tensor, s.jitter.tensor, sampling.free_samples,
             sampling.surface_samples, sampling.free_reach, sampling.surface_reach * T, s.z, s.points,
         )  # fmt: skip
-        field_forward(params, layout, s.points, R * S, s.acts)
+        field_forward(params, layout, s.points, len(s.points), s.acts)
         render_forward(
-            sdf, rgb, inside, s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth, s.opacity
+            *self._samples(), s.z, self._log_beta(), s.weights, s.rendered_color, s.rendered_depth,
+            s.opacity,
         )  # fmt: skip
+
+    def _learn(self, parts: "_Parts") -> None:
+        """The rest of a step on the device, as `_render`: losses, gradients, Adam."""
+        s, c, layout = self._space, self._config, self._layout
+        log_beta, terms, grad = self._log_beta(), s.terms.tensor, s.gradient
+        terms.zero_()
+        s.d_color.zero_()
         if parts.patch:
             patch_ssim_backward(
                 s.rendered_color, s.rays.color, s.windows.tensor, s.window_count.tensor,
@@ -172,13 +176,22 @@ class GpuMapOptimiser:
         beta = slice(layout.log_beta, layout.log_beta + 1)
         d_log_beta = grad.values[beta] if parts.update else terms[_PROBE]
         losses_backward(
-            sdf, rgb, inside, s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth,
-            s.rays.color, s.rays.depth, s.ray_weight.tensor, s.loss_weight, T, s.d_color, count,
-            s.d_sdf, s.d_rgb, s.ray_loss.tensor, terms[_TERMS], d_log_beta,
+            *self._samples(), s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth,
+            s.rays.color, s.rays.depth, s.ray_weight.tensor, s.loss_weight, c.field.truncation_m,
+            s.d_color, s.ray_count.tensor, s.d_sdf, s.d_rgb, s.ray_loss.tensor, terms[_TERMS],
+            d_log_beta,
         )  # fmt: skip
         torch.sum(s.acts.inside, 0, keepdim=True, dtype=torch.int64, out=s.inside_count.tensor)
         if parts.update:
             self._backward_and_adam(parts)
+
+    def _samples(self) -> tuple[Tensor, Tensor, Tensor]:
+        """SDF [R, S], colour [R, S, 3] and `inside` [R, S] of all samples."""
+        acts, (R, S) = self._space.acts, self._space.z.shape
+        return acts.sdf.view(R, S), acts.rgb.view(R, S, 3), acts.inside.view(R, S)
+
+    def _log_beta(self) -> Tensor:
+        return self._copy.params[self._layout.log_beta : self._layout.log_beta + 1]
 
     def _backward_and_adam(self, parts: "_Parts") -> None:
         s, c, layout, copy = self._space, self._config, self._layout, self._copy

@@ -95,7 +95,7 @@ def _place_samples(
         its_place = tl.load(jitter + r * S + other, mask=r < R, other=0.0)[:, None]
         index = tl.zeros([B, 1], tl.int32) + other
         rival = _sample_depth(index, its_place, D, free_reach, half, FREE, SURFACE)
-        nearer = (rival < value) | ((rival == value) & (index < s))
+        nearer = (index != s) & ((rival < value) | ((rival == value) & (index < s)))
         rank += nearer.to(tl.int32)
     k = r[:, None] * S + rank
     tl.store(z + k, value, mask=on)

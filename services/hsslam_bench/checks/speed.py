@@ -15,7 +15,14 @@ _BOUNDS = {"86k": 30.0}  # times as fast
 _US_PER_POINT, _LIGHT_MS = 1.6, 15.0
 _FPS = {"paper": 20.0, "realtime": 60.0}
 _FRAMES = 200
-_TESTS = "tests/node/gpu_kernels"
+_GPU_TESTS = (
+    "tests/node/gpu_kernels",
+    "tests/node/device",
+    "tests/node/mapping/test_gpu_map_optimiser.py",
+    "tests/node/meshing/test_gpu_map_queries.py",
+    "tests/node/tracking/test_gpu_rendering_objective.py",
+    "tests/node/tracking/alignment/test_gpu_sdf_term.py",
+)
 
 
 def kernel_checks() -> list[Check]:
@@ -97,10 +104,10 @@ def _tracking(session: Session) -> Measured:
 
 def gpu_checks() -> list[Check]:
     """The rows of the GPU path."""
-    tested = "every GPU kernel against the float64 reference, random inputs, relative"
+    tested = "every GPU kernel against the float64 reference, random inputs, relative; its callers against the CPU"
     return [
         *(_gpu_speed_check(preset, fps) for preset, fps in _FPS.items()),
-        Check("gpu:kernels", tested, "1e-4", _kernels),
+        Check("gpu:kernels", tested, "1e-4", _gpu_tests),
     ]
 
 
@@ -123,14 +130,14 @@ def _gpu_speed_check(preset: str, least: float) -> Check:
     return Check(f"gpu:{preset}", f"{what}: speed", f"{least:g} frames a second", measure)
 
 
-def _kernels(session: Session) -> Measured:
-    """Run the kernels' own tests, which use CUDA if it works."""
+def _gpu_tests(session: Session) -> Measured:
+    """Run the tests of the code for GPUs, which use CUDA if it works."""
     _expect_cuda()
     root = Path(__file__).parents[3]
-    if not (root / _TESTS).is_dir():
-        raise NotMeasured(f"no {_TESTS} beside the package")
-    session.say(_TESTS)
-    command = [sys.executable, "-m", "pytest", "-q", _TESTS]
+    if missing := [test for test in _GPU_TESTS if not (root / test).exists()]:
+        raise NotMeasured(f"no {missing[0]} beside the package")
+    session.say("tests of the code for GPUs")
+    command = [sys.executable, "-m", "pytest", "-q", "--numprocesses", "auto", *_GPU_TESTS]
     result = subprocess.run(command, cwd=root, capture_output=True, text=True)
     lines = result.stdout.strip().splitlines()
     return Measured(lines[-1] if lines else "no test ran", result.returncode == 0)

@@ -47,7 +47,7 @@ def test_distance_and_gradient_are_the_reference(gpu_field, close):
     assert not gradient.cpu().numpy()[~within].any()
     again = empty(N)
     query_sdf(prefix, field.layout, on_device(points), again, inside, gradient, False)
-    np.testing.assert_array_equal(again.cpu(), sdf.cpu())
+    close(again.cpu().numpy(), sdf.cpu().numpy(), 1e-6)  # another kernel, which rounds by itself
 
 
 def test_normal_equations_are_the_reference(gpu_field, close):
