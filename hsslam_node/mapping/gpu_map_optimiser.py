@@ -1,6 +1,8 @@
 """The optimiser of the scene model on the GPU: twin of `MapOptimiser`, with the same random numbers."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -23,7 +25,13 @@ from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
-from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
+from hsslam_node.mapping.map_optimiser import (
+    ADAM_BETA1,
+    ADAM_BETA2,
+    ADAM_EPS,
+    Poses,
+    StepReport,
+)
 from hsslam_node.mapping.ray_batch import RayDraw, place_blind_rays
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import (
@@ -37,12 +45,29 @@ from hsslam_node.mapping.step_inputs import (
 _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
 
 
+class LateReport(StepReport):
+    """A report that is still on the device; the first look at it fetches it."""
+
+    def __init__(self, fetch: Callable[[], StepReport]) -> None:
+        object.__setattr__(self, "_fetch", fetch)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in (known := [field.name for field in fields(StepReport)]):
+            raise AttributeError(name)
+        report = object.__getattribute__(self, "_fetch")()
+        for field in known:
+            object.__setattr__(self, field, getattr(report, field))
+        return getattr(report, name)
+
+
 class GpuMapOptimiser:
     """Steps a copy of the parameters on the device; the host draws rays, jitter and patches.
 
-    See `Optimiser`. A step is two CUDA graphs, rendering and the rest; while the device renders, the host
-    draws patches and cube.
+    See `Optimiser`. A step is two CUDA graphs, rendering and the rest. The host draws rays while the device
+    works on the step before, patches and cube while it renders.
     """
+
+    reports_late = True
 
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, rays: int, device: Device
@@ -52,6 +77,8 @@ class GpuMapOptimiser:
         self._rays = rays
         self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._device = device
+        self._sent = torch.cuda.Event() if device.kind == "cuda" else None  # all inputs
+        self._last: StepReport | None = None
         self._open()
 
     def _open(self) -> None:
@@ -67,7 +94,7 @@ class GpuMapOptimiser:
         store: KeyframeStore,
         keyframes: np.ndarray,
         counts: np.ndarray,
-        poses: np.ndarray,
+        poses: Poses,
         generator: np.random.Generator,
         *,
         rate_factor: float = 1.0,
@@ -78,12 +105,19 @@ class GpuMapOptimiser:
         """One iteration, as `MapOptimiser.step`; the caller holds the writer's lease."""
         self._parameters.follow()
         if self._field is not self._parameters.layout:  # the map has grown
+            self._look_at_last()
             self._open()
         s, n = self._space, len(keyframes)
+        if self._sent is not None:
+            self._sent.synchronize()
         R = self._draw.fill(s.host_rays, store, keyframes, counts, generator, need)
+        if R:
+            generator.random(out=s.jitter.host[:R], dtype=np.float32)
+        poses = poses() if callable(poses) else poses
+        self._look_at_last()
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
-        self._send_rays(R, poses, generator)
+        self._send_rays(R, poses)
         self._copy.pull()
         self._graphs.run("render", self._render)
         parts = _Parts(
@@ -94,16 +128,25 @@ class GpuMapOptimiser:
         )
         if update:
             self._send_rates(rate_factor)
+        if self._sent is not None:
+            self._sent.record()
         self._graphs.run(parts, lambda: self._learn(parts))
-        return self._report(R, n, parts)
+        slot, depth = s.host_rays.slot[:R].copy(), s.host_rays.depth[:R].copy()
+        self._last = LateReport(lambda: self._report(slot, depth, n, parts))
+        return self._last
+
+    def _look_at_last(self) -> None:
+        """Fetch the report of the step before, if nothing has: the next step overwrites it."""
+        if self._last is not None:
+            _ = self._last.loss
+            self._last = None
 
     def push(self) -> None:
         """Send the stepped parameters to host memory; call it under the lease, before its release."""
         self._copy.push()
 
-    def _send_rays(self, R: int, poses: np.ndarray, generator: np.random.Generator) -> None:
+    def _send_rays(self, R: int, poses: np.ndarray) -> None:
         s = self._space
-        generator.random(out=s.jitter.host[:R], dtype=np.float32)
         s.ray_count.host[0] = R
         s.slot.host[:R] = s.host_rays.slot[:R]
         place_blind_rays(s.host_rays.part(slice(R)), poses, self._field.bound)
@@ -217,10 +260,11 @@ class GpuMapOptimiser:
             ADAM_EPS, ADAM_BETA1, ADAM_BETA2, copy.stepped_at,
         )  # fmt: skip
 
-    def _report(self, R: int, n: int, parts: "_Parts") -> StepReport:
-        s, w = self._space, self._config.weights
+    def _report(self, slot: np.ndarray, depth: np.ndarray, n: int, parts: "_Parts") -> StepReport:
+        """The report of a step over `n` keyframes; slot [R], depth [R] of its rays."""
+        s, w, R = self._space, self._config.weights, len(slot)
         terms = s.terms.fetch().astype(np.float64)
-        per_keyframe = keyframe_losses(s.ray_loss.fetch(R), s.host_rays.part(slice(R)), n)
+        per_keyframe = keyframe_losses(s.ray_loss.fetch(R), slot, depth, n)
         weight = np.array([w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space])
         loss = float(terms[_TERMS] @ weight)
         if parts.patch:

@@ -44,12 +44,18 @@ class StepReport:
     pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose, or zeros
 
 
+# [n, 4, 4], or a call that returns them; an optimiser calls it once, when it has drawn the rays
+Poses = np.ndarray | Callable[[], np.ndarray]
+
+
 class MapOptimiser:
     """Forward, losses, backward and Adam over the parameters, with private work space.
 
     It computes a batch in `mapper.parts` parts, each with its own work space and gradient, on up to
     `threads` threads; the result does not depend on `threads`.
     """
+
+    reports_late = False
 
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, rays: int, threads: int = 1
@@ -80,7 +86,7 @@ class MapOptimiser:
         store: KeyframeStore,
         keyframes: np.ndarray,
         counts: np.ndarray,
-        poses: np.ndarray,
+        poses: Poses,
         generator: np.random.Generator,
         *,
         rate_factor: float = 1.0,
@@ -88,7 +94,7 @@ class MapOptimiser:
         update: bool = True,
         need: RayNeed | None = None,
     ) -> StepReport:
-        """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses` [n, 4, 4].
+        """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses`.
 
         `with_poses`: also compute the pose gradient. `update` False: step nothing (a probe). `need`: draw
         pixels by it, else uniformly.
@@ -96,6 +102,7 @@ class MapOptimiser:
         self._follow()
         config, parts = self._config, self._parts
         R = self._draw.fill(self._batch, store, keyframes, counts, generator, need)
+        poses = poses() if callable(poses) else poses
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
         S, batch = config.sampling.count, self._batch.part(slice(R))
@@ -144,7 +151,7 @@ class MapOptimiser:
                 self._adam(gradients, rate_factor)
         terms = np.sum([part.terms for part in parts], axis=0)
         ray_loss = np.concatenate([part.ray_loss for part in parts])
-        per_keyframe = keyframe_losses(ray_loss, batch, len(keyframes))
+        per_keyframe = keyframe_losses(ray_loss, batch.slot, batch.depth, len(keyframes))
         loss = float(terms @ self._loss_weight) + config.weights.patch * patch + smooth
         outside = R * S - sum(int(np.count_nonzero(part.inside)) for part in parts)
         return StepReport(R, outside, loss, per_keyframe, d_twist.astype(np.float64))

@@ -1,5 +1,7 @@
 """Mapping: selects the keyframes of each iteration, and prefers some that a correction has moved."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hsslam_node.config import SlamConfig
@@ -71,6 +73,7 @@ class Mapper:
         self._bound_config = config.bound
         self._may_grow = config.bound.grow and not config.bound.box
         self._need: RayNeed | None = None
+        self._results: Callable[[], None] | None = None  # of the last step
         self._covered = 0  # keyframes that were checked against the bound
         self._covered_at: dict[int, np.ndarray] = {}  # their T_world_cam at the check
         self._covered_version = 0  # pose version of the check
@@ -105,6 +108,7 @@ class Mapper:
     def take_poses(self, store: KeyframeStore) -> RefinedPoses | None:
         """The poses that iterations have refined since the last call, or None. The caller writes them to the
         store before others correct poses."""
+        self._take_results()
         return self._poses.take(store)
 
     def refine_sparse(self, store: KeyframeStore) -> StepReport:
@@ -181,6 +185,7 @@ class Mapper:
 
     def publish(self) -> int:
         """Publish the current map as the newest version; returns its number."""
+        self._take_results()
         self._optimiser.push()
         return self._parameters.publish()
 
@@ -200,17 +205,34 @@ class Mapper:
         extra = int(rays * self._config.newest_share) if newest_first and n > 2 else 0
         counts = np.full(n, (rays - extra) // n)
         counts[:2] += extra // 2
-        poses = self._poses.of(store, keyframes)
+        seen_from: list[np.ndarray] = []
+
+        def poses() -> np.ndarray:
+            self._take_results()
+            seen_from.append(self._poses.of(store, keyframes))
+            return seen_from[0]
+
+        def results() -> None:
+            if free:
+                self._poses.step(store, keyframes, seen_from[0], report.pose_gradient)
+            if self._notes_losses and need is None:  # `need` does not sample images evenly
+                store.note_losses(keyframes, report.keyframe_loss)
+
         generator = self._generator(1)
         report = self._optimiser.step(
             store, keyframes, counts, poses, generator,
             rate_factor=factor, with_poses=free, need=need,
         )  # fmt: skip
-        if free:
-            self._poses.step(store, keyframes, poses, report.pose_gradient)
-        if self._notes_losses and need is None:  # `need` does not sample images evenly
-            store.note_losses(keyframes, report.keyframe_loss)
+        self._results = results
+        if not self._optimiser.reports_late:
+            self._take_results()
         return report
+
+    def _take_results(self) -> None:
+        """Move poses and note losses by the report of the last step, if this is still to be done."""
+        results, self._results = self._results, None
+        if results is not None:
+            results()
 
     def _generator(self, stream: int) -> np.random.Generator:
         """It depends only on the step, so a restarted mapper continues with the same numbers."""

@@ -8,7 +8,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
+from hsslam_node.mapping.map_optimiser import MapOptimiser, Poses, StepReport
 from hsslam_node.mapping.ray_need import RayNeed
 
 
@@ -17,14 +17,19 @@ class Optimiser(Protocol):
 
     A GPU steps a copy. Each step first fetches what other processes have stepped. `push` sends the changes
     to host memory; call it before you publish the map or release the lease.
+
+    `reports_late`: whether the first look at a report waits for the device. Look at it after the next step
+    has drawn its rays, and host and device work at the same time.
     """
+
+    reports_late: bool
 
     def step(
         self,
         store: KeyframeStore,
         keyframes: np.ndarray,
         counts: np.ndarray,
-        poses: np.ndarray,
+        poses: Poses,
         generator: np.random.Generator,
         *,
         rate_factor: float = 1.0,

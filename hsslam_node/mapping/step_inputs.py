@@ -11,7 +11,6 @@ from hsslam_node.config import MapperConfig
 from hsslam_node.config.mapping import SMALLEST_PATCH
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.layout import FieldLayout
-from hsslam_node.mapping.ray_batch import RayBatch
 
 _KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
 
@@ -24,11 +23,13 @@ def ray_weights(depth: np.ndarray, config: MapperConfig, blind_color: float) -> 
     return weight
 
 
-def keyframe_losses(ray_loss: np.ndarray, batch: RayBatch, keyframes: int) -> np.ndarray:
-    """Mean loss [keyframes] of the rays with depth of each keyframe."""
-    slot = batch.slot[batch.depth > 0]
-    n = np.maximum(np.bincount(slot, minlength=keyframes), 1)
-    return np.bincount(slot, ray_loss[batch.depth > 0], minlength=keyframes) / n
+def keyframe_losses(
+    ray_loss: np.ndarray, slot: np.ndarray, depth: np.ndarray, keyframes: int
+) -> np.ndarray:
+    """Mean loss [keyframes] of the rays with depth of each keyframe; ray_loss, slot, depth: [R]."""
+    has_depth = depth > 0
+    n = np.maximum(np.bincount(slot[has_depth], minlength=keyframes), 1)
+    return np.bincount(slot[has_depth], ray_loss[has_depth], minlength=keyframes) / n
 
 
 def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generator) -> np.ndarray:

@@ -17,6 +17,7 @@ import torch
 from hsslam_node.config import BoundConfig, FieldConfig, SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.mapping.open_map_optimiser import Optimiser, open_map_optimiser
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
@@ -114,6 +115,31 @@ def test_four_steps_agree():
     np.testing.assert_array_equal(
         pair.rooms[1].parameters.published()[1], pair.rooms[1].parameters.params
     )
+
+
+def test_a_report_is_of_its_own_step_also_after_the_next():
+    pair = _pair(TINY, 10)
+    first = pair.step([3, 2, 2], 0, with_poses=True)
+    second = pair.step([4, 3, 3], 1)
+    _expect_same(*first)
+    _expect_same(*second, 1e-3)
+
+
+def test_a_mapper_moves_poses_by_reports_that_come_late():
+    mapper_config = replace(TINY.mapper, rays=60, window_keyframes=4, pose_rate=1e-3)
+    config = replace(TINY, mapper=mapper_config)
+    refined = []
+    for device in (CPU, GPU):
+        room = empty_room(config)
+        mapper = Mapper(config, room.parameters, 0, device)
+        for _ in range(3):
+            mapper.iterate(room.store)
+        found = mapper.take_poses(room.store)
+        assert found is not None
+        shifts = found.T_world_cam[:, :3, 3] - room.store.poses()[found.keyframes][:, :3, 3]
+        refined.append((found.keyframes.tolist(), shifts))
+    assert refined[0][0] == refined[1][0] and np.abs(refined[0][1]).max() > 1e-3
+    np.testing.assert_allclose(refined[1][1], refined[0][1], atol=1e-4)
 
 
 def test_patches_agree_and_a_probe_steps_nothing():

@@ -62,8 +62,8 @@ def test_an_iteration_goes_on_from_the_poses_of_the_one_before():
     step = mapper._optimiser.step
 
     def noted(store, keyframes, counts, poses, generator, **how):
-        seen.append(poses.copy())
-        return step(store, keyframes, counts, poses, generator, **how)
+        seen.append(poses().copy())
+        return step(store, keyframes, counts, seen[-1], generator, **how)
 
     mapper._optimiser.step = noted
     for _ in range(3):

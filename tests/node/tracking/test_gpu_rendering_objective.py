@@ -40,12 +40,17 @@ def _twins(view, **options) -> tuple[RenderingObjective, GpuRenderingObjective]:
     return RenderingObjective(config, 0), GpuRenderingObjective(config, 0, view)
 
 
-def test_loss_and_gradient_are_those_of_the_twin(view):
+@pytest.mark.parametrize("columns", [None, 30], ids=["all depth", "fewer pixels than wanted"])
+def test_loss_and_gradient_are_those_of_the_twin(view, columns):
     """Twice, as each call draws fresh pixels; outliers are left out."""
     T = displaced(room_poses()[K], 0.02, 1.0)
+    depth = room_frames()[K].depth_raw.copy()
+    depth[:, : depth.shape[1] // 2] *= columns is None
+    depth[:, depth.shape[1] // 2 :][:, columns:] = 0
+    frame = replace(room_frames()[K], depth_raw=depth)
     found = []
     for objective in _twins(view, outlier_factor=2.0):
-        objective.observe(room_frames()[K], view)
+        objective.observe(frame, view)
         found.append([objective(T) for _ in range(2)])
     for (expected, expected_gradient), (loss, gradient) in zip(*found, strict=True):
         assert loss == pytest.approx(expected, rel=1e-3)
