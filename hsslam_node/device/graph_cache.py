@@ -19,7 +19,7 @@ class GraphCache:
     Warm-up and capture run on one side stream, as PyTorch's notes on CUDA graphs ask. The side stream and
     the caller's stream wait for each other.
 
-    The gain is not measured. Other devices run the work without graphs.
+    Other devices run the work without graphs.
     """
 
     def __init__(self, device: Device) -> None:

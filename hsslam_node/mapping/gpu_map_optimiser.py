@@ -42,6 +42,8 @@ from hsslam_node.mapping.step_inputs import (
     smoothness_cube,
 )
 
+# samples of a step; an H200 has done fewer before the host has drawn the next, see docs/performance.md
+_LATE_FROM = 50_000
 _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
 
 
@@ -63,11 +65,9 @@ class LateReport(StepReport):
 class GpuMapOptimiser:
     """Steps a copy of the parameters on the device; the host draws rays, jitter and patches.
 
-    See `Optimiser`. A step is two CUDA graphs, rendering and the rest. The host draws rays while the device
-    works on the step before, patches and cube while it renders.
+    See `Optimiser`. A step is two CUDA graphs, rendering and the rest. The host draws patches and cube while
+    the device renders, and the rays of a large step while the device works on the step before.
     """
-
-    reports_late = True
 
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, rays: int, device: Device
@@ -77,6 +77,7 @@ class GpuMapOptimiser:
         self._rays = rays
         self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._device = device
+        self.reports_late = rays * config.sampling.count >= _LATE_FROM
         self._sent = torch.cuda.Event() if device.kind == "cuda" else None  # all inputs
         self._last: StepReport | None = None
         self._open()
@@ -132,8 +133,10 @@ class GpuMapOptimiser:
             self._sent.record()
         self._graphs.run(parts, lambda: self._learn(parts))
         slot, depth = s.host_rays.slot[:R].copy(), s.host_rays.depth[:R].copy()
-        self._last = LateReport(lambda: self._report(slot, depth, n, parts))
-        return self._last
+        report = self._last = LateReport(lambda: self._report(slot, depth, n, parts))
+        if not self.reports_late:
+            self._look_at_last()
+        return report
 
     def _look_at_last(self) -> None:
         """Fetch the report of the step before, if nothing has: the next step overwrites it."""

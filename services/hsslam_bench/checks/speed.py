@@ -104,7 +104,10 @@ def _tracking(session: Session) -> Measured:
 
 def gpu_checks() -> list[Check]:
     """The rows of the GPU path."""
-    tested = "every GPU kernel against the float64 reference, random inputs, relative; its callers against the CPU"
+    tested = (
+        "every GPU kernel against the float64 reference, random inputs, relative; "
+        "its callers against the CPU"
+    )
     return [
         *(_gpu_speed_check(preset, fps) for preset, fps in _FPS.items()),
         Check("gpu:kernels", tested, "1e-4", _gpu_tests),
@@ -137,7 +140,7 @@ def _gpu_tests(session: Session) -> Measured:
     if missing := [test for test in _GPU_TESTS if not (root / test).exists()]:
         raise NotMeasured(f"no {missing[0]} beside the package")
     session.say("tests of the code for GPUs")
-    command = [sys.executable, "-m", "pytest", "-q", "--numprocesses", "auto", *_GPU_TESTS]
+    command = [sys.executable, "-m", "pytest", "--numprocesses", "auto", *_GPU_TESTS]
     result = subprocess.run(command, cwd=root, capture_output=True, text=True)
     lines = result.stdout.strip().splitlines()
     return Measured(lines[-1] if lines else "no test ran", result.returncode == 0)
