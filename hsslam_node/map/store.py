@@ -295,6 +295,15 @@ class KeyframeStore:
         """The newest rendering losses of keyframes `ids` [n], [n]; nan where none is known."""
         return self._rows.losses(ids)
 
+    def note_mapped(self, ids: np.ndarray, T_world_cam: np.ndarray, due: np.ndarray) -> None:
+        """The mapper only: the poses [n, 4, 4] at which it has seen keyframes `ids` [n], and how many draws
+        of each are due [n]. A restarted mapper continues with them."""
+        self._rows.note_mapped(ids, T_world_cam, due)
+
+    def mapped(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What `note_mapped` noted of keyframes `ids` [n]: poses [n, 4, 4], 0 if none, and due [n] int64."""
+        return self._rows.mapped(ids)
+
     def correct_poses(
         self,
         ids: np.ndarray,

@@ -14,50 +14,14 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import wanted_bound
 from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.moved_keyframes import draw_moved
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.window_poses import RefinedPoses, WindowPoses
 
-_MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # smaller moves are below the map's resolution
 _MOVED_FAR_M = 0.3  # of surfaces; smaller moves stay within the margin of the bound
 _MOVED_AT_A_TIME = 16  # moved keyframes that one call checks against the bound, 5 ms each
 _MOST_REFINED = 4  # times the kept keyframes: the most that `last_iterations` counts
-_REPEATS = 8  # draws of a moved keyframe until the map has followed it
-
-
-class MovedKeyframes:
-    """Stores the pose at which each keyframe was mapped."""
-
-    def __init__(self) -> None:
-        self._mapped_at = np.zeros((0, 4, 4))
-        self._due = np.zeros(0, np.int64)  # outstanding draws of each keyframe
-
-    def draw(
-        self, ids: np.ndarray, poses: np.ndarray, wanted: int, generator: np.random.Generator
-    ) -> np.ndarray:
-        """Draw up to `wanted` of the keyframes `ids` [n], sorted, whose poses [n, 4, 4] have moved."""
-        self._follow(ids, poses)
-        moved = ids[self._due[ids] > 0]
-        size = min(wanted, len(moved))
-        if size <= 0:
-            return np.zeros(0, np.int64)
-        drawn = generator.choice(moved, size, replace=False)
-        self._due[drawn] -= 1
-        return drawn
-
-    def _follow(self, ids: np.ndarray, poses: np.ndarray) -> None:
-        grown = int(ids.max(initial=-1)) + 1 - len(self._due)
-        if grown > 0:
-            self._mapped_at = np.append(self._mapped_at, np.full((grown, 4, 4), np.nan), axis=0)
-            self._due = np.append(self._due, np.zeros(grown, np.int64))
-        then = self._mapped_at[ids]
-        shift_m = np.linalg.norm(poses[:, :3, 3] - then[:, :3, 3], axis=1)
-        # for small angles the matrices are sqrt(2) times the angle apart
-        turn_rad = np.linalg.norm(poses[:, :3, :3] - then[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
-        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)  # False for nan: a new one
-        self._due[ids[moved]] = _REPEATS
-        changed = moved | np.isnan(shift_m)
-        self._mapped_at[ids[changed]] = poses[changed]
 
 
 class Mapper:
@@ -77,7 +41,6 @@ class Mapper:
         self._covered = 0  # keyframes that were checked against the bound
         self._covered_at: dict[int, np.ndarray] = {}  # their T_world_cam at the check
         self._covered_version = 0  # pose version of the check
-        self._moved = MovedKeyframes()
         self._poses = WindowPoses(config.mapper.pose_rate)
         ba = config.ba
         self._notes_losses = ba.enabled and ba.batch_losses and ba.selection == "active"
@@ -99,7 +62,7 @@ class Mapper:
         others = generator.choice(len(older), size - 2, replace=False) if size > 2 else []
         poses = store.poses_of(older)
         wanted = int((size - 2) * self._config.moved_share)
-        moved = self._moved.draw(older, poses, wanted, generator)
+        moved = draw_moved(store, older, poses, wanted, generator)
         others = list(dict.fromkeys([*moved, *older[others]]))[: max(size - 2, 0)]
         keyframes = np.array([*recent, *others], np.int64)
         free = self._poses.are_free(store)

@@ -1,5 +1,6 @@
 """Rows of keyframes, kept for ever: stamp, pose, slot of the pixels, anchor."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -7,9 +8,9 @@ import numpy as np
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
-SLAB_ROWS = 4096  # 3.7 MB
+SLAB_ROWS = 4096  # 4.2 MB
 # columns; the loss is a float64
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT = range(7)
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE = range(8)
 _COLUMNS = 8
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
 
@@ -19,10 +20,13 @@ class _Slab(NamedTuple):
     poses: np.ndarray  # [2, SLAB_ROWS, 4, 4] T_world_cam of both banks
     covariances: np.ndarray  # [SLAB_ROWS, 6, 6] of the pose
     gaps: np.ndarray  # [SLAB_ROWS, 6, 6] covariances of motions by odometry alone
+    mapped: (
+        np.ndarray
+    )  # [SLAB_ROWS, 4, 4] T_world_cam at which the mapper saw the keyframe; 0: never
 
 
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 900 bytes each.
+    """Append-only rows in slabs, so that their number has no limit: 1030 bytes each.
 
     Poses lie in two banks that readers copy without a lock. The owner of the rows knows how many are
     complete, and which bank is current.
@@ -112,6 +116,19 @@ class KeyframeRows:
         noted = np.array([self._meta(k).view(np.float64)[_LOSS] for k in ids.tolist()], np.float64)
         return np.where(noted > 0, noted, np.nan)
 
+    def note_mapped(self, ids: np.ndarray, T_world_cam: np.ndarray, due: np.ndarray) -> None:
+        """The mapper only: see `KeyframeStore.note_mapped`."""
+        for slab, mine, rows in self._by_slab(ids):
+            slab.meta[rows, _DUE] = due[mine]
+            slab.mapped[rows] = T_world_cam[mine]
+
+    def mapped(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What `note_mapped` noted of keyframes `ids` [n]: T_world_cam [n, 4, 4] and due [n] int64."""
+        T_world_cam, due = np.empty((len(ids), 4, 4)), np.empty(len(ids), np.int64)
+        for slab, mine, rows in self._by_slab(ids):
+            T_world_cam[mine], due[mine] = slab.mapped[rows], slab.meta[rows, _DUE]
+        return T_world_cam, due
+
     def covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the pose that keyframe k was appended with, copied."""
         return self._slab(k // SLAB_ROWS).covariances[k % SLAB_ROWS].copy()
@@ -127,10 +144,8 @@ class KeyframeRows:
     def poses(self, ids: np.ndarray, bank: int) -> np.ndarray:
         """T_world_cam [n, 4, 4] of keyframes `ids` [n], copied."""
         out = np.empty((len(ids), 4, 4))
-        slab = ids // SLAB_ROWS
-        for s in np.unique(slab):
-            mine = slab == s
-            out[mine] = self._slab(int(s)).poses[bank, ids[mine] % SLAB_ROWS]
+        for slab, mine, rows in self._by_slab(ids):
+            out[mine] = slab.poses[bank, rows]
         return out
 
     def all_poses(self, count: int, bank: int) -> np.ndarray:
@@ -146,6 +161,13 @@ class KeyframeRows:
         for s in range(-(-len(poses) // SLAB_ROWS)):
             part = poses[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
             self._slab(s).poses[bank, : len(part)] = part
+
+    def _by_slab(self, ids: np.ndarray) -> Iterator[tuple[_Slab, np.ndarray, np.ndarray]]:
+        """Each slab that has keyframes of `ids` [n], the mask [n] of these, and their rows in it."""
+        number = ids // SLAB_ROWS
+        for s in np.unique(number):
+            mine = number == s
+            yield self._slab(int(s)), mine, ids[mine] % SLAB_ROWS
 
     def _meta(self, k: int) -> np.ndarray:
         return self._slab(k // SLAB_ROWS).meta[k % SLAB_ROWS]
@@ -167,6 +189,7 @@ class KeyframeRows:
                     self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
                     self._arrays.create(names[2], (SLAB_ROWS, 6, 6), np.float64),
                     self._arrays.create(names[3], (SLAB_ROWS, 6, 6), np.float64),
+                    self._arrays.create(names[4], (SLAB_ROWS, 4, 4), np.float64),
                 )
             else:
                 slab = _Slab(*(self._arrays.open(name) for name in names))

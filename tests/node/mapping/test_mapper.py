@@ -122,8 +122,11 @@ def test_any_number_of_keyframes_makes_a_window():
             assert (report.keyframe_loss > 0).all()
 
 
-def _windows_with(keyframe: int, moved_share: float) -> int:
-    """In how many of eight windows of four the keyframe is, whose pose was corrected just now."""
+def _windows_with(keyframe: int, moved_share: float, *, is_restarted: bool = False) -> int:
+    """In how many of eight windows of four the keyframe is, whose pose was corrected just now.
+
+    `is_restarted`: another mapper makes the eight.
+    """
     config = replace(
         SMALL, mapper=replace(SMALL.mapper, window_keyframes=4, moved_share=moved_share)
     )
@@ -136,11 +139,14 @@ def _windows_with(keyframe: int, moved_share: float) -> int:
         return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
 
     mapper._optimiser.step = step
-    mapper.iterate(room.store)
+    mapper.iterate(room.store)  # notes where all keyframes are
     room.store.correct_poses(
         np.array([keyframe]), displaced(room.store.pose(keyframe), 0.02, 0.0)[None]
     )
     windows.clear()
+    if is_restarted:
+        mapper = Mapper(config, room.parameters, 0)
+        mapper._optimiser.step = step
     for _ in range(8):
         mapper.iterate(room.store)
     return sum(keyframe in window for window in windows)
@@ -149,6 +155,10 @@ def _windows_with(keyframe: int, moved_share: float) -> int:
 def test_keyframes_that_moved_come_first_where_that_is_wanted():
     assert _windows_with(3, moved_share=0.5) == 8
     assert _windows_with(3, moved_share=0.0) <= 5  # two of eight older ones in each window
+
+
+def test_a_restarted_mapper_knows_which_keyframes_have_moved():
+    assert _windows_with(3, moved_share=0.5, is_restarted=True) == 8
 
 
 def test_rays_are_drawn_where_there_is_depth():
