@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def _iteration_s(slam: Slam, device: Device, least_s: float = 3.0) -> float:
-    """Median over iterations of `least_s` in all; each reads its loss, so none overlap."""
+    """Median over iterations of `least_s` in all; on a GPU the host draws the next one meanwhile."""
     assert slam.parameters and slam.store
     mapper = Mapper(slam.config, slam.parameters, 0, device)
     for _ in range(_WARM_UP):

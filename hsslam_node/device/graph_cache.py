@@ -50,6 +50,7 @@ class GraphCache:
     def _captured(self, work: Callable[[], None]) -> torch.cuda.CUDAGraph:
         """The graph of the work; capturing does not execute it."""
         graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(graph, stream=self._stream):
+        # another thread of the program may use CUDA meanwhile
+        with torch.cuda.graph(graph, stream=self._stream, capture_error_mode="thread_local"):
             work()
         return graph

@@ -13,11 +13,14 @@ from hsslam_node.device.device import Device
 from hsslam_node.kernels.chunks import CHUNK, gather_chunks, scatter_chunks
 from hsslam_node.map.parameters import FieldParameters
 
+_MOST_CHUNKS = 1 << 16  # of a part, 4 MB of each array
+
 
 class ChunkTransfer:
     """Copies chosen chunks from host to device and back, on CUDA through page-locked memory.
 
-    Arrays are flat, float32, of a multiple of 16 floats; device arrays are on `device`.
+    Arrays are flat, float32, of a multiple of 16 floats; device arrays are on `device`. Many chunks go in
+    parts, so that little memory is page-locked.
     """
 
     def __init__(self, device: Device) -> None:
@@ -28,38 +31,41 @@ class ChunkTransfer:
         self, sources: Sequence[np.ndarray], chunks: np.ndarray, targets: Sequence[Tensor]
     ) -> None:
         """target[chunks] = source[chunks] of each pair; chunks [n] int64, ascending. Returns when done."""
-        staging = self._rows(len(sources), len(chunks))
-        for source, rows, target in zip(sources, staging, targets, strict=True):
-            gather_chunks(source, chunks, rows.numpy())
-            places = torch.from_numpy(chunks).to(target.device)
-            sent = rows.to(target.device, non_blocking=True)
-            target.view(-1, CHUNK).index_copy_(0, places, sent)
-        self._wait()
+        for first in range(0, len(chunks), _MOST_CHUNKS):
+            part = chunks[first : first + _MOST_CHUNKS]
+            staging = self._rows(len(sources), len(part))
+            for source, rows, target in zip(sources, staging, targets, strict=True):
+                gather_chunks(source, part, rows.numpy())
+                places = torch.from_numpy(part).to(target.device)
+                sent = rows.to(target.device, non_blocking=True)
+                target.view(-1, CHUNK).index_copy_(0, places, sent)
+            self._wait()
 
     def download(
         self, sources: Sequence[Tensor], chunks: Tensor, targets: Sequence[np.ndarray]
     ) -> None:
         """target[chunks] = source[chunks] of each pair; chunks [n] int64 on the device. Returns when done."""
-        staging = self._rows(len(sources), len(chunks))
-        for source, rows in zip(sources, staging, strict=True):
-            rows.copy_(source.view(-1, CHUNK).index_select(0, chunks), non_blocking=True)
-        places = chunks.cpu().numpy()
-        self._wait()
-        for rows, target in zip(staging, targets, strict=True):
-            scatter_chunks(rows.numpy(), places, target)
+        for part in chunks.split(_MOST_CHUNKS):
+            staging = self._rows(len(sources), len(part))
+            for source, rows in zip(sources, staging, strict=True):
+                rows.copy_(source.view(-1, CHUNK).index_select(0, part), non_blocking=True)
+            places = part.cpu().numpy()
+            self._wait()
+            for rows, target in zip(staging, targets, strict=True):
+                scatter_chunks(rows.numpy(), places, target)
 
     def _rows(self, arrays: int, count: int) -> Tensor:
-        """Staging memory [arrays, count, 16]. It grows to twice its size: page-locking takes milliseconds."""
+        """Staging memory [arrays, count, 16]; made for `_MOST_CHUNKS` at once, as page-locking takes time."""
         floats = arrays * count * CHUNK
         if len(self._staging) < floats:
-            room = max(floats, 2 * len(self._staging))
+            room = arrays * CHUNK * (_MOST_CHUNKS if self._is_cuda else count)
             self._staging = torch.empty(room, pin_memory=self._is_cuda)
         return self._staging[:floats].view(arrays, count, CHUNK)
 
     def _wait(self) -> None:
         """Wait until the staging memory is free."""
         if self._is_cuda:
-            torch.cuda.synchronize()
+            torch.cuda.current_stream().synchronize()
 
 
 class ParameterCopy:

@@ -59,6 +59,7 @@ class LateReport(StepReport):
         report = object.__getattribute__(self, "_fetch")()
         for field in known:
             object.__setattr__(self, field, getattr(report, field))
+        object.__delattr__(self, "_fetch")
         return getattr(report, name)
 
 

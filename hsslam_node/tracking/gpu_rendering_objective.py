@@ -88,7 +88,7 @@ class GpuRenderingObjective:
         return float(loss), np.array(twist)
 
     def _send(self) -> None:
-        """Send the drawn rays; the device has finished with those before."""
+        """Send the drawn rays. No launch uses an earlier copy that is still under way."""
         drawn, R = self._frame_rays, self._frame_rays.count
         for target, source in (
             (self._direction, drawn.rays.direction),

@@ -57,7 +57,7 @@ def place_samples(
     _place_samples[(triton.cdiv(R, B),)](
         rays.direction, rays.depth, rays.slot, ray_count, R, poses, jitter, free_reach,
         surface_half_m, z, points, FREE=free_samples, SURFACE=surface_samples,
-        SP=triton.next_power_of_2(S), B=B,
+        SP=triton.next_power_of_2(S), B=B, enable_fp_fusion=False,
     )  # fmt: skip
 
 
@@ -95,7 +95,8 @@ def _place_samples(
         its_place = tl.load(jitter + r * S + other, mask=r < R, other=0.0)[:, None]
         index = tl.zeros([B, 1], tl.int32) + other
         rival = _sample_depth(index, its_place, D, free_reach, half, FREE, SURFACE)
-        nearer = (index != s) & ((rival < value) | ((rival == value) & (index < s)))
+        # both are rounded alike, as multiplications and additions are not fused
+        nearer = (rival < value) | ((rival == value) & (index < s))
         rank += nearer.to(tl.int32)
     k = r[:, None] * S + rank
     tl.store(z + k, value, mask=on)

@@ -20,9 +20,8 @@ class _Slab(NamedTuple):
     poses: np.ndarray  # [2, SLAB_ROWS, 4, 4] T_world_cam of both banks
     covariances: np.ndarray  # [SLAB_ROWS, 6, 6] of the pose
     gaps: np.ndarray  # [SLAB_ROWS, 6, 6] covariances of motions by odometry alone
-    mapped: (
-        np.ndarray
-    )  # [SLAB_ROWS, 4, 4] T_world_cam at which the mapper saw the keyframe; 0: never
+    # [SLAB_ROWS, 4, 4] T_world_cam at which the mapper last saw the keyframe; 0: never
+    mapped: np.ndarray
 
 
 class KeyframeRows:
