@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hsslam_node.device.chunk_copies import CHUNK, gather_chunks, scatter_chunks
 from hsslam_node.device.device import Device
-from hsslam_node.kernels.chunks import CHUNK, gather_chunks, scatter_chunks
 from hsslam_node.map.parameters import FieldParameters
 
 _MOST_CHUNKS = 1 << 16  # of a part, 4 MB of each array

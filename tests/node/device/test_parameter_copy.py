@@ -4,6 +4,7 @@ of it had been copied."""
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -68,7 +69,9 @@ def test_steppers_that_take_turns_see_each_others_steps(turns):
     np.testing.assert_array_equal(reader.params.numpy(), mirror.params[: LAYOUT.geometry_count])
 
 
-def test_a_new_copy_takes_everything():
+@pytest.mark.parametrize("most_chunks", [1 << 16, 7], ids=["at once", "in parts"])
+def test_a_new_copy_takes_everything(monkeypatch, most_chunks):
+    monkeypatch.setattr("hsslam_node.device.parameter_copy._MOST_CHUNKS", most_chunks)
     parameters = FieldParameters.create(MemoryAllocator(), LAYOUT, 3)
     _step_on_host(parameters, np.array([1, 5]), 1.0)
     copy = ParameterCopy(parameters, INTERPRETER)
@@ -76,6 +79,10 @@ def test_a_new_copy_takes_everything():
     np.testing.assert_array_equal(copy.params.numpy(), parameters.params)
     np.testing.assert_array_equal(copy.first_moment.numpy(), parameters.first_moment)
     np.testing.assert_array_equal(copy.second_moment.numpy(), parameters.second_moment)
+    before = parameters.params.copy()
+    _step_on_device(copy, np.arange(len(parameters.stepped_at)), 1.0)
+    copy.push()
+    np.testing.assert_array_equal(parameters.params, before + 1.0)
 
 
 def test_steps_on_the_device_are_published_and_reach_cpu_steppers():

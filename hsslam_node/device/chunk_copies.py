@@ -1,4 +1,4 @@
-"""Copies of scattered 16-float chunks; alone, as map arrays of any kind are copied by it."""
+"""Copies of scattered 16-float chunks on the host; alone, as they are compiled code."""
 
 import numpy as np
 
