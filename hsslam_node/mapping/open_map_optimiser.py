@@ -46,7 +46,7 @@ def open_map_optimiser(
 ) -> Optimiser:
     """An optimiser for batches of up to `rays` rays on the device."""
     if device.uses_triton:
-        from hsslam_node.mapping.gpu_map_optimiser import GpuMapOptimiser
+        from hsslam_node.mapping.gpu.map_optimiser import GpuMapOptimiser
 
         return GpuMapOptimiser(config, parameters, rays, device)
     return MapOptimiser(config, parameters, rays, device.threads)

@@ -18,7 +18,7 @@ _FRAMES = 200
 _GPU_TESTS = (
     "tests/node/gpu_kernels",
     "tests/node/device",
-    "tests/node/mapping/test_gpu_map_optimiser.py",
+    "tests/node/mapping/gpu",
     "tests/node/meshing/test_gpu_map_queries.py",
     "tests/node/tracking/test_gpu_rendering_objective.py",
     "tests/node/tracking/alignment/test_gpu_sdf_term.py",

@@ -120,7 +120,7 @@ def test_four_steps_agree():
 @pytest.fixture
 def late(monkeypatch) -> None:
     """Let the reports of small steps come late, as those of large steps do."""
-    monkeypatch.setattr("hsslam_node.mapping.gpu_map_optimiser._LATE_FROM", 0)
+    monkeypatch.setattr("hsslam_node.mapping.gpu.map_optimiser._LATE_FROM", 0)
 
 
 def test_a_report_is_of_its_own_step_also_after_the_next(late):

@@ -2,36 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.device.graph_cache import GraphCache
 from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.gpu_kernels.field.backward import field_backward
-from hsslam_node.gpu_kernels.field.forward import field_forward
 from hsslam_node.gpu_kernels.field.layout import gpu_layout
-from hsslam_node.gpu_kernels.mapping.adam import sparse_adam
-from hsslam_node.gpu_kernels.mapping.losses import losses_backward
-from hsslam_node.gpu_kernels.mapping.patch_ssim import patch_ssim_backward
-from hsslam_node.gpu_kernels.mapping.ray_batch import place_samples, pose_gradients
-from hsslam_node.gpu_kernels.mapping.rendering import render_forward
-from hsslam_node.gpu_kernels.mapping.smoothness import smoothness_backward
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
-from hsslam_node.mapping.map_optimiser import (
-    ADAM_BETA1,
-    ADAM_BETA2,
-    ADAM_EPS,
-    Poses,
-    StepReport,
-)
+from hsslam_node.mapping.gpu.device_step import PATCH, SMOOTH, TERMS, DeviceStep, StepParts
+from hsslam_node.mapping.gpu.work_space import GpuWorkSpace
+from hsslam_node.mapping.map_optimiser import Poses, StepReport
 from hsslam_node.mapping.ray_batch import RayDraw, place_blind_rays
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import (
@@ -44,7 +30,6 @@ from hsslam_node.mapping.step_inputs import (
 
 # samples of a step; an H200 has done fewer before the host has drawn the next, see docs/performance.md
 _LATE_FROM = 50_000
-_TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
 
 
 class LateReport(StepReport):
@@ -86,10 +71,11 @@ class GpuMapOptimiser:
     def _open(self) -> None:
         """Create copy, graphs and work space for the current bound."""
         self._field = self._parameters.layout
-        self._layout = gpu_layout(kernel_layout(self._field), self._device.tensors_on)
+        layout = gpu_layout(kernel_layout(self._field), self._device.tensors_on)
         self._copy = ParameterCopy(self._parameters, self._device)
         self._graphs = GraphCache(self._device)
-        self._space = GpuWorkSpace(self._config, self._layout, self._rays, self._device)
+        self._space = GpuWorkSpace(self._config, layout, self._rays, self._device)
+        self._work = DeviceStep(self._config, layout, self._copy, self._space)
 
     def step(
         self,
@@ -121,8 +107,8 @@ class GpuMapOptimiser:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
         self._send_rays(R, poses)
         self._copy.pull()
-        self._graphs.run("render", self._render)
-        parts = _Parts(
+        self._graphs.run("render", self._work.render)
+        parts = StepParts(
             update=update,
             poses=update and with_poses,
             patch=update and self._send_windows(R, generator),
@@ -132,7 +118,7 @@ class GpuMapOptimiser:
             self._send_rates(rate_factor)
         if self._sent is not None:
             self._sent.record()
-        self._graphs.run(parts, lambda: self._learn(parts))
+        self._graphs.run(parts, lambda: self._work.learn(parts))
         slot, depth = s.host_rays.slot[:R].copy(), s.host_rays.depth[:R].copy()
         report = self._last = LateReport(lambda: self._report(slot, depth, n, parts))
         if not self.reports_late:
@@ -195,95 +181,17 @@ class GpuMapOptimiser:
         s.step.send()
         s.rates.send()
 
-    def _render(self) -> None:
-        """The first part of a step on the device: only launches, on tensors at fixed addresses."""
-        s, layout, params = self._space, self._layout, self._copy.params
-        sampling, T = self._config.sampling, self._config.field.truncation_m
-        place_samples(
-            s.rays, s.ray_count.tensor, s.poses.tensor, s.jitter.tensor, sampling.free_samples,
-            sampling.surface_samples, sampling.free_reach, sampling.surface_reach * T, s.z, s.points,
-        )  # fmt: skip
-        field_forward(params, layout, s.points, len(s.points), s.acts)
-        render_forward(
-            *self._samples(), s.z, self._log_beta(), s.weights, s.rendered_color, s.rendered_depth,
-            s.opacity,
-        )  # fmt: skip
-
-    def _learn(self, parts: "_Parts") -> None:
-        """The rest of a step on the device, as `_render`: losses, gradients, Adam."""
-        s, c, layout = self._space, self._config, self._layout
-        log_beta, terms, grad = self._log_beta(), s.terms.tensor, s.gradient
-        terms.zero_()
-        s.d_color.zero_()
-        if parts.patch:
-            patch_ssim_backward(
-                s.rendered_color, s.rays.color, s.windows.tensor, s.window_count.tensor,
-                s.window_weight, c.weights.patch, s.d_color, terms[_PATCH],
-            )  # fmt: skip
-        beta = slice(layout.log_beta, layout.log_beta + 1)
-        d_log_beta = grad.values[beta] if parts.update else terms[_PROBE]
-        losses_backward(
-            *self._samples(), s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth,
-            s.rays.color, s.rays.depth, s.ray_weight.tensor, s.loss_weight, c.field.truncation_m,
-            s.d_color, s.ray_count.tensor, s.d_sdf, s.d_rgb, s.ray_loss.tensor, terms[_TERMS],
-            d_log_beta,
-        )  # fmt: skip
-        torch.sum(s.acts.inside, 0, keepdim=True, dtype=torch.int64, out=s.inside_count.tensor)
-        if parts.update:
-            self._backward_and_adam(parts)
-
-    def _samples(self) -> tuple[Tensor, Tensor, Tensor]:
-        """SDF [R, S], colour [R, S, 3] and `inside` [R, S] of all samples."""
-        acts, (R, S) = self._space.acts, self._space.z.shape
-        return acts.sdf.view(R, S), acts.rgb.view(R, S, 3), acts.inside.view(R, S)
-
-    def _log_beta(self) -> Tensor:
-        return self._copy.params[self._layout.log_beta : self._layout.log_beta + 1]
-
-    def _backward_and_adam(self, parts: "_Parts") -> None:
-        s, c, layout, copy = self._space, self._config, self._layout, self._copy
-        grad = s.gradient
-        field_backward(
-            copy.params, layout, len(s.points), s.acts, s.d_sdf.view(-1), s.d_rgb.view(-1, 3), grad,
-            s.d_points, parts.poses,
-        )  # fmt: skip
-        if parts.poses:
-            s.d_twist.tensor.zero_()
-            pose_gradients(
-                s.rays, s.ray_count.tensor, s.poses.tensor, s.z, s.d_points, s.d_twist.tensor
-            )
-        if parts.cube:
-            smoothness_backward(
-                copy.params, layout, s.cube.tensor, c.weights.smoothness, grad, s.feature,
-                s.terms.tensor[_SMOOTH],
-            )  # fmt: skip
-        chunk = layout.log_beta >> 4
-        grad.touched[chunk : chunk + 1].fill_(1)
-        sparse_adam(
-            copy.params, copy.first_moment, copy.second_moment, grad, s.step.tensor, s.rates.tensor,
-            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, copy.stepped_at,
-        )  # fmt: skip
-
-    def _report(self, slot: np.ndarray, depth: np.ndarray, n: int, parts: "_Parts") -> StepReport:
+    def _report(self, slot: np.ndarray, depth: np.ndarray, n: int, parts: StepParts) -> StepReport:
         """The report of a step over `n` keyframes; slot [R], depth [R] of its rays."""
         s, w, R = self._space, self._config.weights, len(slot)
         terms = s.terms.fetch().astype(np.float64)
         per_keyframe = keyframe_losses(s.ray_loss.fetch(R), slot, depth, n)
         weight = np.array([w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space])
-        loss = float(terms[_TERMS] @ weight)
+        loss = float(terms[TERMS] @ weight)
         if parts.patch:
-            loss += w.patch * float(terms[_PATCH][0])
+            loss += w.patch * float(terms[PATCH][0])
         if parts.cube:
-            loss += w.smoothness * float(terms[_SMOOTH][0])
+            loss += w.smoothness * float(terms[SMOOTH][0])
         outside = R * s.z.shape[1] - int(s.inside_count.fetch()[0])
         twist = s.d_twist.fetch(n).astype(np.float64) if parts.poses else np.zeros((n, 6))
         return StepReport(R, outside, loss, per_keyframe, twist)
-
-
-class _Parts(NamedTuple):
-    """Which terms a step has; steps with equal parts launch the same work."""
-
-    update: bool
-    poses: bool
-    patch: bool
-    cube: bool
