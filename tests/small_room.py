@@ -30,6 +30,15 @@ SMALL = replace(
     bound=BoundConfig(margin=1.3, least_m=3.0, most_m=8.0),
 )
 
+TINY_FIELD = FieldConfig(  # for Triton's interpreter
+    plane_channels=16,
+    coarse_cell_m=1.0,
+    geometry_fine_cell_m=0.5,
+    appearance_fine_cell_m=0.5,
+    hash_levels=2,
+    hash_table_log2=8,
+)
+
 
 @dataclass(frozen=True)
 class MappedRoom:

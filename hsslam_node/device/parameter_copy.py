@@ -34,9 +34,9 @@ class ChunkTransfer:
         for first in range(0, len(chunks), _MOST_CHUNKS):
             part = chunks[first : first + _MOST_CHUNKS]
             staging = self._rows(len(sources), len(part))
+            places = torch.from_numpy(part).to(targets[0].device)
             for source, rows, target in zip(sources, staging, targets, strict=True):
                 gather_chunks(source, part, rows.numpy())
-                places = torch.from_numpy(part).to(target.device)
                 sent = rows.to(target.device, non_blocking=True)
                 target.view(-1, CHUNK).index_copy_(0, places, sent)
             self._wait()

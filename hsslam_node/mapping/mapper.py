@@ -1,6 +1,7 @@
 """Mapping: selects the keyframes of each iteration, and prefers some that a correction has moved."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -168,16 +169,15 @@ class Mapper:
         extra = int(rays * self._config.newest_share) if newest_first and n > 2 else 0
         counts = np.full(n, (rays - extra) // n)
         counts[:2] += extra // 2
-        seen_from: list[np.ndarray] = []
 
+        @cache
         def poses() -> np.ndarray:
             self._take_results()
-            seen_from.append(self._poses.of(store, keyframes))
-            return seen_from[0]
+            return self._poses.of(store, keyframes)
 
         def results() -> None:
             if free:
-                self._poses.step(store, keyframes, seen_from[0], report.pose_gradient)
+                self._poses.step(store, keyframes, poses(), report.pose_gradient)
             if self._notes_losses and need is None:  # `need` does not sample images evenly
                 store.note_losses(keyframes, report.keyframe_loss)
 

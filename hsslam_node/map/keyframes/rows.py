@@ -107,12 +107,14 @@ class KeyframeRows:
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Set the newest losses [n] of keyframes `ids` [n]; one writer at a time."""
-        for k, loss in zip(ids.tolist(), losses.tolist(), strict=True):
-            self._meta(k).view(np.float64)[_LOSS] = max(loss, _LEAST_LOSS)
+        for slab, mine, rows in self._by_slab(ids):
+            slab.meta.view(np.float64)[rows, _LOSS] = np.maximum(losses[mine], _LEAST_LOSS)
 
     def losses(self, ids: np.ndarray) -> np.ndarray:
         """The newest losses of keyframes `ids` [n], [n] float64; nan: not known."""
-        noted = np.array([self._meta(k).view(np.float64)[_LOSS] for k in ids.tolist()], np.float64)
+        noted = np.empty(len(ids))
+        for slab, mine, rows in self._by_slab(ids):
+            noted[mine] = slab.meta.view(np.float64)[rows, _LOSS]
         return np.where(noted > 0, noted, np.nan)
 
     def note_mapped(self, ids: np.ndarray, T_world_cam: np.ndarray, due: np.ndarray) -> None:

@@ -100,7 +100,7 @@ class GpuMapOptimiser:
             self._sent.synchronize()
         R = self._draw.fill(s.host_rays, store, keyframes, counts, generator, need)
         if R:
-            generator.random(out=s.jitter.host[:R], dtype=np.float32)
+            generator.random(out=s.batch.jitter.host[:R], dtype=np.float32)
         poses = poses() if callable(poses) else poses
         self._look_at_last()
         if R == 0:
@@ -136,19 +136,19 @@ class GpuMapOptimiser:
         self._copy.push()
 
     def _send_rays(self, R: int, poses: np.ndarray) -> None:
-        s = self._space
-        s.ray_count.host[0] = R
-        s.slot.host[:R] = s.host_rays.slot[:R]
+        s, b = self._space, self._space.batch
+        b.ray_count.host[0] = R
+        b.slot.host[:R] = s.host_rays.slot[:R]
         place_blind_rays(s.host_rays.part(slice(R)), poses, self._field.bound)
         weight = ray_weights(
-            s.depth.host[:R], self._config.mapper, self._config.weights.blind_color
+            b.depth.host[:R], self._config.mapper, self._config.weights.blind_color
         )
         s.ray_weight.host[:R] = weight
-        s.poses.host[: len(poses)] = poses[:, :3]
-        for array in (s.direction, s.depth, s.color, s.slot, s.ray_weight, s.jitter):
+        b.poses.host[: len(poses)] = poses[:, :3]
+        for array in (b.direction, b.depth, b.color, b.slot, s.ray_weight, b.jitter):
             array.send(R)
-        s.ray_count.send()
-        s.poses.send()
+        b.ray_count.send()
+        b.poses.send()
 
     def _send_windows(self, R: int, generator: np.random.Generator) -> bool:
         """Send the windows of patches; return whether this step has the patch term."""
@@ -183,15 +183,15 @@ class GpuMapOptimiser:
 
     def _report(self, slot: np.ndarray, depth: np.ndarray, n: int, parts: StepParts) -> StepReport:
         """The report of a step over `n` keyframes; slot [R], depth [R] of its rays."""
-        s, w, R = self._space, self._config.weights, len(slot)
+        s, b, w, R = self._space, self._space.batch, self._config.weights, len(slot)
         terms = s.terms.fetch().astype(np.float64)
-        per_keyframe = keyframe_losses(s.ray_loss.fetch(R), slot, depth, n)
+        per_keyframe = keyframe_losses(b.ray_loss.fetch(R), slot, depth, n)
         weight = np.array([w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space])
         loss = float(terms[TERMS] @ weight)
         if parts.patch:
             loss += w.patch * float(terms[PATCH][0])
         if parts.cube:
             loss += w.smoothness * float(terms[SMOOTH][0])
-        outside = R * s.z.shape[1] - int(s.inside_count.fetch()[0])
-        twist = s.d_twist.fetch(n).astype(np.float64) if parts.poses else np.zeros((n, 6))
+        outside = R * self._config.sampling.count - int(s.inside_count.fetch()[0])
+        twist = b.d_twist.fetch(n).astype(np.float64) if parts.poses else np.zeros((n, 6))
         return StepReport(R, outside, loss, per_keyframe, twist)

@@ -8,9 +8,9 @@ import torch
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.device.staged_array import StagedArray
-from hsslam_node.gpu_kernels.field.activations import field_activations, gradient
+from hsslam_node.gpu_kernels.field.activations import gradient
 from hsslam_node.gpu_kernels.field.layout import GpuLayout
-from hsslam_node.gpu_kernels.mapping.ray_batch import GpuRays
+from hsslam_node.mapping.gpu.batch import GpuBatch
 from hsslam_node.mapping.ray_batch import RayBatch
 from hsslam_node.mapping.step_inputs import window_weights
 
@@ -20,11 +20,11 @@ _RATE_REGIONS = 4
 class GpuWorkSpace:
     """Inputs as `StagedArray`s, results and intermediate values as tensors, for up to `rays` rays.
 
-    Steps always run over all rows; `ray_count` and `window_count` are the numbers of valid rows.
+    Steps always run over all rows; `window_count` is the number of valid windows.
     """
 
     def __init__(self, config: SlamConfig, layout: GpuLayout, rays: int, device: Device) -> None:
-        S, m, w = config.sampling.count, config.mapper, config.weights
+        m, w = config.mapper, config.weights
         slots = max(m.window_keyframes, config.ba.top_keyframes, config.ba.probe_keyframes)
 
         def staged(*shape: int, dtype: torch.dtype = torch.float32) -> StagedArray:
@@ -33,14 +33,11 @@ class GpuWorkSpace:
         def tensor(*shape: int, dtype: torch.dtype = torch.float32) -> torch.Tensor:
             return torch.zeros(shape, dtype=dtype, device=device.tensors_on)
 
-        self.direction, self.depth, self.color = staged(rays, 3), staged(rays), staged(rays, 3)
-        self.slot = staged(rays, dtype=torch.int32)
+        truncation_m = config.field.truncation_m
+        self.batch = GpuBatch(layout, rays, slots, config.sampling, truncation_m, device)
         self.ray_weight = staged(rays)
-        self.jitter = staged(rays, S)
-        self.poses = staged(slots, 3, 4)
         self.windows = staged(_most_windows(rays, config), m.patch_kernel_px**2, dtype=torch.int32)
         self.cube = staged(*3 * (m.smoothness_vertices,), 3)
-        self.ray_count = staged(1, dtype=torch.int32)
         self.window_count = staged(1, dtype=torch.int32)
         self.step = staged(1, dtype=torch.int32)
         self.rates = staged(_RATE_REGIONS, 3, dtype=torch.float64)
@@ -50,26 +47,17 @@ class GpuWorkSpace:
             [w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space]
         )
         self.window_weight = window_weights(m.patch_kernel_px).float().to(device.tensors_on)
-        self.acts = field_activations(layout, rays * S)
         self.gradient = gradient(layout)
-        self.points, self.d_points = tensor(rays * S, 3), tensor(rays * S, 3)
-        self.z, self.weights, self.d_sdf = tensor(rays, S), tensor(rays, S), tensor(rays, S)
-        self.d_rgb = tensor(rays, S, 3)
-        self.rendered_color, self.rendered_depth = tensor(rays, 3), tensor(rays)
-        self.opacity, self.d_color = tensor(rays), tensor(rays, 3)
+        self.d_color = tensor(rays, 3)
         self.feature = tensor(m.smoothness_vertices**3, max(2 * layout.levels, 1))
 
         # results, fetched after the step
-        self.ray_loss = staged(rays)
         self.terms = staged(8)  # five of the rays, patch, smoothness, d_log_beta of a probe
-        self.d_twist = staged(slots, 6)
         self.inside_count = staged(1, dtype=torch.int64)
 
+        b = self.batch
         self.host_rays = RayBatch(
-            self.direction.host, self.depth.host, self.color.host, np.zeros(rays, np.int64)
-        )
-        self.rays = GpuRays(
-            self.direction.tensor, self.depth.tensor, self.color.tensor, self.slot.tensor
+            b.direction.host, b.depth.host, b.color.host, np.zeros(rays, np.int64)
         )
 
 

@@ -3,28 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
-import torch
 
-from hsslam_node.config import BoundConfig, FieldConfig
-from hsslam_node.device.device import CPU, Device
+from hsslam_node.config import BoundConfig
+from hsslam_node.device.device import CPU
 from hsslam_node.slam import Slam
-from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
-from tests.small_room import SMALL, room_frames
+from tests.node.gpu_kernels.interpreter import GPU, import_gpu_kernels
+from tests.small_room import SMALL, TINY_FIELD, room_frames
 
 import_gpu_kernels()
 
-GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
-_FIELD = FieldConfig(
-    plane_channels=16,
-    coarse_cell_m=1.0,
-    geometry_fine_cell_m=0.5,
-    appearance_fine_cell_m=0.5,
-    hash_levels=2,
-    hash_table_log2=8,
-)
 CONFIG = replace(
     SMALL,
-    field=_FIELD,
+    field=TINY_FIELD,
     bound=BoundConfig(margin=1.0, least_m=2.0, most_m=4.0),
     keyframes=replace(SMALL.keyframes, every_frames=1),
     tracker=replace(SMALL.tracker, points=120, iterations=1, min_inlier_ratio=0.0),

@@ -7,7 +7,10 @@ from unittest.mock import patch
 
 import torch
 
+from hsslam_node.device.device import Device
+
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+GPU = Device("cuda" if DEVICE == "cuda" else "interpreter", DEVICE, "test")
 
 
 def import_gpu_kernels() -> None:

@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.device.device import CPU, Device
+from hsslam_node.device.device import CPU
 from hsslam_node.meshing.map_queries import open_map_queries
-from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
+from tests.node.gpu_kernels.interpreter import GPU, import_gpu_kernels
 from tests.small_room import SMALL, empty_room
 
 import_gpu_kernels()
 
-GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
 CONFIG = replace(SMALL, field=FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=10))
 
 

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
-from hsslam_node.device.device import Device
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.rendering_tracker import RenderingTracker, surface_fit
 from hsslam_node.tracking.tracked_frame import frame_points
-from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
+from tests.node.gpu_kernels.interpreter import DEVICE, GPU, import_gpu_kernels
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black
 
 import_gpu_kernels()
@@ -22,7 +20,6 @@ from hsslam_node.tracking.map_view import DeviceMap, MapView  # noqa: E402
 from hsslam_node.tracking.rendering_objective import RenderingObjective  # noqa: E402
 from tests.node.gpu_kernels.conftest import on_device  # noqa: E402
 
-GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
 K = 14  # frame
 
 

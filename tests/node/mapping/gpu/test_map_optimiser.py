@@ -12,32 +12,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import torch
 
-from hsslam_node.config import BoundConfig, FieldConfig, SlamConfig
-from hsslam_node.device.device import CPU, Device
+from hsslam_node.config import BoundConfig, SlamConfig
+from hsslam_node.device.device import CPU
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.mapping.open_map_optimiser import Optimiser, open_map_optimiser
 from hsslam_node.rendering.ray_sampling import SamplingPattern
-from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
-from tests.small_room import SMALL, MappedRoom, empty_room
+from tests.node.gpu_kernels.interpreter import GPU, import_gpu_kernels
+from tests.small_room import SMALL, TINY_FIELD, MappedRoom, empty_room
 
 import_gpu_kernels()
 
-GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
 KEYFRAMES = np.array([9, 0, 4])
-_FIELD = FieldConfig(
-    plane_channels=16,
-    coarse_cell_m=1.0,
-    geometry_fine_cell_m=0.5,
-    appearance_fine_cell_m=0.5,
-    hash_levels=2,
-    hash_table_log2=8,
-)
 TINY: SlamConfig = replace(
     SMALL,
-    field=_FIELD,
+    field=TINY_FIELD,
     bound=BoundConfig(margin=1.0, least_m=2.0, most_m=4.0),
     mapper=replace(SMALL.mapper, smoothness_vertices=2, smoothness_every=2, least_color_weight=0.0),
 )

@@ -3,20 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from hsslam_node.config import BoundConfig, FieldConfig
-from hsslam_node.device.device import CPU, Device
+from hsslam_node.device.device import CPU
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.alignment.frame_terms import open_sdf_term
 from hsslam_node.tracking.alignment.sdf_term import SdfEvidence
 from hsslam_node.tracking.map_view import MapView, MapViews
-from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
+from tests.node.gpu_kernels.interpreter import GPU, import_gpu_kernels
 from tests.small_room import SMALL, displaced, empty_room
 
 import_gpu_kernels()
 
-GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
 CONFIG = replace(
     SMALL,
     field=FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=10),
