@@ -22,7 +22,7 @@ from hsslam_services.bus.bus import Bus
 _FORGED_S, _WATCH_S = 6.0, 6.0
 _MOST_MORE_MS = 50.0
 _HUNG_MS = 10**7
-_NOBODY = 65534  # id of the system's user "nobody"
+_OTHER_USER_ID = 65534  # of the account `nobody`
 _SUBSCRIBER = """
 import sys, time
 from hsslam_proto.topics import TOPICS
@@ -73,7 +73,7 @@ def foreign_folders_in_shared_memory(experiment: Experiment) -> Finding:
         folder.mkdir()
         (folder / "owner.lock").symlink_to(victim / "kept")
         with contextlib.suppress(PermissionError):  # only root can give it away
-            os.chown(folder, _NOBODY, _NOBODY)
+            os.chown(folder, _OTHER_USER_ID, _OTHER_USER_ID)
         run = experiment.serve(*SMALL_ROOM, "--frames", "30")
         code = run.finish()
         is_whole = (victim / "kept").is_dir() and (victim / "owner.lock").exists()

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-# of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once. No
-# other: LLVM, with which Triton compiles kernels for a GPU, installs handlers for SIGUSR1 and SIGUSR2
+# of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once.
+# SIGUSR1 and SIGUSR2 would not arrive: LLVM, with which Triton compiles kernels for a GPU, handles them
 END_SIGNAL = signal.SIGRTMIN
 
 
