@@ -17,6 +17,7 @@ _STALL_S: Final = 1.0  # late frames within this time are one stall, which no le
 _LOOK_EVERY_S: Final = 1.0  # between checks whether to go down: a check takes 0.2 ms
 _DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if the level went down too early
 _LONGEST_DOWN_AFTER_S: Final = 160.0
+_DOWN_THROTTLED: Final = 0.1  # with a larger share, no core time is left for more work
 _LONGEST_PERIOD_S: Final = 0.2
 _MOST_DROPPED: Final = 60  # at once
 _BASELINE_S: Final = 30.0  # half of the window of the least latency
@@ -75,7 +76,8 @@ class Governor:
 
     A frame is late if its latency exceeds the least latency of the last minute by more than a frame period;
     the camera may thus have a clock of its own. A level that was left too early is kept twice as long the
-    next time.
+    next time. It is also kept while the kernel throttles the service, because then its quota of core time has
+    no room for the work of the level below.
 
     Args:
         level: first level, such as that of the previous process.
@@ -93,7 +95,14 @@ class Governor:
         self._went_down = False
         self._look_again_s = 0.0
 
-    def frame(self, now_s: float, index: int, stamp_s: float, latency_s: float) -> bool:
+    def frame(
+        self,
+        now_s: float,
+        index: int,
+        stamp_s: float,
+        latency_s: float,
+        throttled_share: float = 0.0,
+    ) -> bool:
         """Take in a pose published now; returns whether the level changes.
 
         Args:
@@ -101,6 +110,7 @@ class Governor:
             index: of the frame; frames between it and the last one count as dropped.
             stamp_s: of the sensor, s.
             latency_s: from the stamp to the pose, s; the two clocks may have an offset.
+            throttled_share: of the last 10 s, see `Throttling`.
         """
         dropped, period_s = self._since_last(index, stamp_s)
         late_s = latency_s - self._baseline(now_s, latency_s)
@@ -117,6 +127,8 @@ class Governor:
         if at_level_s < self._down_after_s or now_s < self._look_again_s:
             return False
         self._look_again_s = now_s + _LOOK_EVERY_S
+        if throttled_share > _DOWN_THROTTLED:
+            return False
         is_calm = late_of_calm <= _DOWN_SHARE or self._calm.without_stall() <= _DOWN_SHARE
         return is_calm and self._down(now_s)
 

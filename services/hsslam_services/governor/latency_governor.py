@@ -5,6 +5,7 @@ from collections.abc import Callable
 from hsslam_services.governor.governor import Governor
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.governor.throttling import Throttling
 
 _FULL_CORES, _SCARCE_CORES = 1.9, 1.4  # with fewer, the run starts at a higher level
 
@@ -34,6 +35,7 @@ class LatencyGovernor:
         count: Callable[[str], None],
     ) -> None:
         self._shared, self._report, self._count = shared, report, count
+        self._throttling = Throttling()
         first = first_level(cores)
         self._governor = Governor(max(shared.number, first))
         if self.level > shared.number:
@@ -55,7 +57,8 @@ class LatencyGovernor:
         """
         late = self._governor.late_share
         latency_s = (publish_ns - stamp_ns) / 1e9
-        if self._governor.frame(now_s, index, stamp_ns / 1e9, latency_s):
+        throttled_share = self._throttling.share(now_s)
+        if self._governor.frame(now_s, index, stamp_ns / 1e9, latency_s, throttled_share):
             self._shared.number = self.level
             self._count("load level changes")
             self._report(f"{self._in_words()}: {late:.0%} of the frames are late")

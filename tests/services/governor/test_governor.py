@@ -127,3 +127,15 @@ def test_a_slow_camera_is_judged_by_as_many_frames(rate_hz: int):
         late.frame(now_s, index, now_s, 0.02 if index % 2 else 0.3 + 1 / rate_hz)
     assert calm.level == 0
     assert late.level == len(LEVELS) - 1
+
+
+def test_a_throttled_service_keeps_its_level_even_if_no_frame_is_late():
+    governor = Governor(5)
+    for index in range(60 * 30):
+        now_s = index / 30
+        governor.frame(now_s, index, now_s, 0.02, throttled_share=0.2)
+    assert governor.level == 5
+    for index in range(60 * 30, 65 * 30):
+        now_s = index / 30
+        governor.frame(now_s, index, now_s, 0.02, throttled_share=0.05)
+    assert governor.level == 4
