@@ -64,6 +64,8 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
                 farthest = nearest.max()
         for k in range(hits):
             p = hit[k]
+            if not _is_seen(p, owner):
+                continue  # what it hit, others hide
             M, o, h, first = to_unit[p], origins[p], halves[p], first_faces[p]
             if kinds[p] <= 1:
                 _place_on_cube(p, first, M, o, h, ray_x, ray_y, nearest, owner, face, s, q, slant)
@@ -167,6 +169,14 @@ def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
         owner[i] = p if hit else owner[i]
         hits += np.int32(hit)
     return hits > 0
+
+
+@njit(**JIT)
+def _is_seen(p, owner):
+    pixels = np.int32(0)
+    for i in range(_PIXELS):
+        pixels += np.int32(owner[i] == p)
+    return pixels > 0
 
 
 @njit(**JIT)
