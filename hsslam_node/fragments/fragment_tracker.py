@@ -69,6 +69,12 @@ class FragmentTracker:
         """As the tracker of the map."""
         self._map.resume(anywhere=anywhere)
 
+    def space_keyframes(self, times: int) -> None:
+        """As the trackers of map and fragment."""
+        self._map.space_keyframes(times)
+        if self._fragment is not None:
+            self._fragment.tracker.space_keyframes(times)
+
     def prepare_next(self) -> None:
         """As the tracker in use."""
         (self._fragment.tracker if self._fragment else self._map).prepare_next()

@@ -31,6 +31,10 @@ class FrameTracker(Protocol):
         """Return the pose of the frame near a place that a person names; None: not there, call `track`."""
         ...
 
+    def space_keyframes(self, times: int) -> None:
+        """Let `times` as many frames pass between keyframes as configured, from the next frame on."""
+        ...
+
     def prepare_next(self) -> None:
         """Prepare for the next frame ahead of time; otherwise `track` does it."""
         ...

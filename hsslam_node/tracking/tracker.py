@@ -129,6 +129,10 @@ class Tracker:
     def finish(self) -> None:
         """Do nothing: this tracker has no fragments."""
 
+    def space_keyframes(self, times: int) -> None:
+        """Let `times` as many frames pass between keyframes; a fast change of the view still makes one."""
+        self._keyframes.spacing = times
+
     def prepare_next(self) -> None:
         """Prepare the reference keyframe of the next frame; the pose of the last frame did not need it."""
         self._aligner.prepare_next()

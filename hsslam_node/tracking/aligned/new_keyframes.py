@@ -36,13 +36,14 @@ class NewKeyframes:
         self._store = store
         self._dynamic = DynamicMask(store)
         self._still = StillCamera(store, config.keyframes.still)
+        self.spacing = 1  # times the configured number of frames between keyframes
         self.frames_since = 0
         self.fragment = 0  # of new keyframes
 
     @property
     def is_late(self) -> bool:
         """Whether the next keyframe is due by the number of frames."""
-        return self.frames_since >= self._config.keyframes.every_frames
+        return self.frames_since >= self.spacing * self._config.keyframes.every_frames
 
     def is_due(
         self, seen: Observation, alignment: Alignment, T_world_cam: np.ndarray, coverage: float

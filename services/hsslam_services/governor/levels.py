@@ -13,7 +13,8 @@ class LoadLevel:
     view_width_px: int = 64  # of views of the map
     distances_every: float = 1.0  # times the time between updates of grid and distances
     image_every_s: float = 0.0  # least time between images in the live viewer
-    iterations: float = 1.0  # share of the mapper's iterations
+    keyframes_every: int = 1  # times the frames between keyframes
+    iterations: float = 1.0  # share of the mapper's iterations for each keyframe
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
     # largest share of a core for bundle adjustment, and again for the mesher
@@ -61,25 +62,27 @@ LEVELS: Final = (
         background_share=0.15,
     ),
     LoadLevel(
-        "a twelfth of the mapping work",
+        "half of the keyframes, a twelfth of the mapping work",
         mesh_every=24.0,
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
-        iterations=0.125,
+        keyframes_every=2,
+        iterations=0.25,
         rays=0.67,
-        ba_every=8.0,
+        ba_every=4.0,
         background_share=0.08,
     ),
     LoadLevel(
-        "a twenty-fourth of the mapping iterations, a third of their rays",
+        "half of the keyframes, a twenty-fourth of the mapping iterations, a third of their rays",
         mesh_every=48.0,
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
-        iterations=0.0417,
+        keyframes_every=2,
+        iterations=0.0833,
         rays=0.33,
-        ba_every=8.0,
+        ba_every=4.0,
         background_share=0.03,
     ),
 )

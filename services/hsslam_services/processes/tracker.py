@@ -30,6 +30,7 @@ from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.governor.latency_governor import LatencyGovernor
+from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
@@ -133,6 +134,7 @@ class _TrackerLoop:
             self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
+            self._tracker.space_keyframes(LEVELS[self._governor.level].keyframes_every)
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
 

@@ -49,6 +49,16 @@ def test_the_first_frame_with_depth_starts_the_world():
     assert third.status == "tracked" and pose_error(third.T_world_cam, truth)[0] < 0.005
 
 
+def test_keyframes_come_half_as_often_if_asked():
+    tracker = Tracker(SMALL, _store(), 0)
+    tracker.space_keyframes(2)
+    results = [tracker.track(frame, None) for frame in room_frames()[:14]]
+    assert all(map(_is_right, results[1:]))
+    assert [r.frame_index for r in results if r.is_keyframe] == [0, 8]
+    tracker.space_keyframes(1)
+    assert tracker.track(room_frames()[14], None).is_keyframe
+
+
 def test_frames_are_tracked_and_every_fourth_becomes_a_keyframe():
     store = _store()
     _, results = _tracked(store, room_frames()[:14])
