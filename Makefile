@@ -1,5 +1,6 @@
 # make run   install into .venv, run the service on the built-in room, write a picture of the result
-# make test  install what the tests need, run them
+# make warm-up  compile the kernels
+# make test  install what the tests need, compile the kernels, run the tests
 # make lint  formatter, linter, type checker, generated docs
 # make docs  build the site of docs/ into build/site, strictly
 # make docs-update  write the generated parts of the documents
@@ -23,14 +24,16 @@ export OMP_NUM_THREADS := 1
 # let the first process that imports a package write its bytecode (see --no-compile in requirements/install.py)
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint docs docs-update bench lock resolve package clean look-again
+.PHONY: run warm-up test lint docs docs-update bench lock resolve package clean look-again
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
 	$(BIN)/python -m hsslam_services.commands.maps.picture $(OUT)
 
-test: $(VENV)/.installed-dev
+warm-up: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
+
+test: warm-up
 	$(BIN)/pytest -m 'not e2e and not long' --numprocesses 2 --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile $(call marked,e2e)
 	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)

@@ -1,4 +1,4 @@
-"""The number of cores that this process may use, by its affinity and the quotas of its control groups."""
+"""The cores that this process may use, by affinity and quotas; apart, as not only the governor asks."""
 
 import os
 from collections.abc import Iterator
