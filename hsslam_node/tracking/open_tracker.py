@@ -32,7 +32,8 @@ class FrameTracker(Protocol):
         ...
 
     def space_keyframes(self, times: int) -> None:
-        """Let `times` as many frames pass between keyframes as configured, from the next frame on."""
+        """Let `times` as many frames pass between keyframes as configured, or, if none are appended, between
+        searches for a better reference; a tracker that needs a dense map may ignore it."""
         ...
 
     def prepare_next(self) -> None:

@@ -93,7 +93,6 @@ class RenderingTracker:
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
         self._since_keyframe = 0
-        self._spacing = 1  # times the configured number of frames between keyframes
         self._localise_only = False
 
     def resume(self, *, anywhere: bool = False) -> None:
@@ -145,8 +144,7 @@ class RenderingTracker:
         """None: this tracker has no relocalisation."""
 
     def space_keyframes(self, times: int) -> None:
-        """Let `times` as many frames pass between keyframes as configured."""
-        self._spacing = times
+        """Do nothing: this tracker aligns to the map alone, so the map must follow the camera."""
 
     def prepare_next(self) -> None:
         """Do nothing."""
@@ -179,7 +177,7 @@ class RenderingTracker:
 
     def _accept(self, frame: Frame, T: np.ndarray, fit: SurfaceFit, version: int) -> TrackResult:
         self._since_keyframe += 1
-        is_due = self._since_keyframe >= self._spacing * self._slam.keyframes.every_frames
+        is_due = self._since_keyframe >= self._slam.keyframes.every_frames
         is_keyframe = is_due and not self._localise_only and self._store.has_room()
         if is_keyframe:
             self._since_keyframe = 0

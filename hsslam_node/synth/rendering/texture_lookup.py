@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.kernels.compiled import njit
 
-# no freedom to reorder or to fuse: the same pictures on all processors, and in the process that compiles
+# no freedom to reorder or to fuse: the process that compiles draws what all others draw of the same texels
 JIT = {"cache": True, "fastmath": {"nnan", "ninf", "nsz"}, "nogil": True, "error_model": "numpy"}
 _RED_BLUE, _GREEN, _BITS = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
 _WIDEST = np.float32(60)  # texels; every face has the levels for it

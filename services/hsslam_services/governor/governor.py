@@ -17,7 +17,7 @@ _STALL_S: Final = 1.0  # late frames within this time are one stall, which no le
 _LOOK_EVERY_S: Final = 1.0  # between checks whether to go down: a check takes 0.2 ms
 _DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if the level went down too early
 _LONGEST_DOWN_AFTER_S: Final = 160.0
-_DOWN_THROTTLED: Final = 0.1  # with a larger share, no core time is left for more work
+_DOWN_THROTTLED: Final = 0.1  # share of throttled periods; with a larger one no level is left
 _LONGEST_PERIOD_S: Final = 0.2
 _MOST_DROPPED: Final = 60  # at once
 _BASELINE_S: Final = 30.0  # half of the window of the least latency
@@ -76,8 +76,8 @@ class Governor:
 
     A frame is late if its latency exceeds the least latency of the last minute by more than a frame period;
     the camera may thus have a clock of its own. A level that was left too early is kept twice as long the
-    next time. It is also kept while the kernel throttles the service, because then its quota of core time has
-    no room for the work of the level below.
+    next time. Any level is kept while the kernel often throttles the service, because with more work it would
+    throttle the service more often.
 
     Args:
         level: first level, such as that of the previous process.

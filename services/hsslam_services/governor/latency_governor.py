@@ -18,11 +18,12 @@ def first_level(cores: float) -> int:
 
 
 class LatencyGovernor:
-    """Raises the load level of the other processes if poses come late.
+    """Raises the load level of the service if poses come late.
 
     Args:
         shared: starts at its level, or at the first level of `cores` if that is higher.
         cores: that the service may use; infinite: no limit.
+        throttling: of the service.
         report: takes the text of an event.
         count: increments the counter of a name.
     """
@@ -31,11 +32,12 @@ class LatencyGovernor:
         self,
         shared: SharedLevel,
         cores: float,
+        throttling: Throttling,
         report: Callable[[str], None],
         count: Callable[[str], None],
     ) -> None:
         self._shared, self._report, self._count = shared, report, count
-        self._throttling = Throttling()
+        self._throttling = throttling
         first = first_level(cores)
         self._governor = Governor(max(shared.number, first))
         if self.level > shared.number:

@@ -24,35 +24,51 @@ class Throttling:
     """
 
     def __init__(self, own: Path = OWN_GROUPS, groups: Path = GROUPS) -> None:
-        self._files = [file for g in cpu_groups(own, groups) if (file := g / "cpu.stat").exists()]
-        self._read: deque[tuple[float, list[_Count]]] = deque()
+        self._own, self._groups = own, groups
+        self._read: deque[tuple[float, dict[Path, _Count]]] = deque()
         self._share = 0.0
 
     def share(self, now_s: float) -> float:
         """Share of the periods in the last 10 s, 0 to 1; 0 without a quota.
 
-        Call it at least every few seconds. It reads the files once a second.
+        Call it at least every few seconds. It reads the counts once a second, and begins anew if this process
+        has moved to other groups or a count has begun anew.
 
         `now_s`: monotonic clock, s.
         """
-        if not self._files or (self._read and now_s - self._read[-1][0] < _READ_EVERY_S):
+        if self._read and now_s - self._read[-1][0] < _READ_EVERY_S:
             return self._share
-        self._read.append((now_s, [_count(file) for file in self._files]))
+        counts = self._counts()
+        if self._read and not _continues(self._read[-1][1], counts):
+            self._read.clear()
+        self._read.append((now_s, counts))
         while len(self._read) > 2 and now_s - self._read[1][0] >= _WINDOW_S:
             self._read.popleft()
-        before, now = self._read[0][1], self._read[-1][1]
-        self._share = max(map(_share, before, now))
+        before = self._read[0][1]
+        self._share = max((_share(before[g], counts[g]) for g in counts), default=0.0)
         return self._share
+
+    def _counts(self) -> dict[Path, _Count]:
+        found = (
+            (group, _count(group / "cpu.stat")) for group in cpu_groups(self._own, self._groups)
+        )
+        return {group: count for group, count in found if count is not None}
+
+
+def _continues(before: dict[Path, _Count], now: dict[Path, _Count]) -> bool:
+    return before.keys() == now.keys() and all(
+        a >= b for group in now for a, b in zip(now[group], before[group], strict=True)
+    )
 
 
 def _share(before: _Count, now: _Count) -> float:
     return (now.throttled - before.throttled) / max(now.periods - before.periods, 1)
 
 
-def _count(file: Path) -> _Count:
-    """The counts in a `cpu.stat` of version 1 or 2; zeros if it has none, as in a group without a quota."""
+def _count(stat: Path) -> _Count | None:
+    """The counts in a `cpu.stat` of version 1 or 2; None if it has none, as in a group without a quota."""
     try:
-        words = dict(line.split(maxsplit=1) for line in file.read_text().splitlines())
-        return _Count(int(words.get("nr_periods", 0)), int(words.get("nr_throttled", 0)))
-    except (OSError, ValueError):
-        return _Count(0, 0)
+        words = dict(line.split(maxsplit=1) for line in stat.read_text().splitlines())
+        return _Count(int(words["nr_periods"]), int(words["nr_throttled"]))
+    except (OSError, ValueError, KeyError):
+        return None

@@ -32,6 +32,7 @@ from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.governor.latency_governor import LatencyGovernor
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.governor.throttling import Throttling
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
@@ -83,6 +84,7 @@ class _TrackerLoop:
         self._governor = LatencyGovernor(
             SharedLevel(worker.run.arena_dir),
             granted_cores() if self._is_realtime else math.inf,
+            Throttling(),
             partial(worker.event, "info"),
             worker.count,
         )

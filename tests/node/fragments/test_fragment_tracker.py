@@ -74,6 +74,21 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
     assert set(store.fragments().tolist()) == {0, 1}
 
 
+def test_keyframes_of_map_and_fragment_come_half_as_often_if_asked():
+    tracker, store = _opened(3.0)
+    counts = []
+    for frame in _walk()[0]:
+        tracker.space_keyframes(2)
+        joined = tracker.track(frame, None).joined
+        counts.append(store.count)
+        if joined is not None:
+            break
+    results, _, usual = _lost_and_joined()
+    join = next(k for k, r in enumerate(results) if r.joined)
+    brought, usually_brought = counts[-1] - counts[-2], usual[join] - usual[join - 1]
+    assert counts[_DARK.start - 1] < usual[_DARK.start - 1] and brought < usually_brought
+
+
 def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
     results, store, _ = _lost_and_joined()
     _, truth = _walk()

@@ -77,13 +77,6 @@ def test_frames_are_tracked_and_every_fourth_becomes_a_keyframe(view):
         np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
 
 
-def test_keyframes_come_half_as_often_if_asked(view):
-    tracker, _ = _tracker()
-    tracker.space_keyframes(2)
-    results = [tracker.track(frame, view) for frame in room_frames()[:10]]
-    assert [r.frame_index for r in results if r.is_keyframe] == [0, 8]
-
-
 def test_the_same_frames_give_the_same_poses_to_the_bit(view):
     trackers = [_tracker()[0] for _ in range(2)]
     for frame in room_frames()[:4]:

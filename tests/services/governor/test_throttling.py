@@ -45,6 +45,25 @@ def test_the_group_that_is_throttled_most_counts(tmp_path: Path):
     assert throttling.share(2.0) == pytest.approx(0.6)
 
 
+def test_it_begins_anew_with_the_counts_and_with_the_group(tmp_path: Path):
+    (tmp_path / "own").write_text("0::/a\n")
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cpu.stat").write_text(_stat(1000, 1000))
+    throttling = Throttling(tmp_path / "own", tmp_path)
+    throttling.share(0.0)
+    (tmp_path / "a/cpu.stat").write_text(_stat(5, 0))
+    assert throttling.share(1.0) == 0.0
+    (tmp_path / "a/cpu.stat").write_text(_stat(15, 5))
+    assert throttling.share(2.0) == pytest.approx(0.5)
+    (tmp_path / "a/cpu.stat").write_text("")
+    assert throttling.share(3.0) == 0.0
+    (tmp_path / "own").write_text("0::/b\n")
+    assert throttling.share(4.0) == 0.0
+    (tmp_path / "b/cpu.stat").write_text(_stat(1010, 1009))
+    assert throttling.share(5.0) == pytest.approx(0.9)
+
+
 @pytest.mark.parametrize("text", ["", "usage_usec 5\n", "nr_periods many\n", "nr_periods\n"])
 def test_without_counts_nothing_is_throttled(tmp_path: Path, text: str):
     (tmp_path / "own").write_text("0::/\n")
@@ -75,5 +94,6 @@ def test_the_kernel_throttles_a_process_that_uses_more_than_its_quota():
         pytest.skip(str(error))
     finally:
         process.kill()
+        process.wait()
     first, busy = map(float, found.split())
     assert first == 0.0 and busy > 0.5
