@@ -37,8 +37,8 @@ class Subscription(Generic[M]):
     """Messages of one topic, oldest first; created by `Bus.subscribe`.
 
     At most `depth` messages wait; a further message drops the oldest. Malformed messages never wait, so
-    they drop none. Counters: `received`, `dropped` (from the queue, or missing in a publisher's sequence)
-    and `rejected` (malformed, or refused by the reader).
+    they drop none. Counters: `received`, `dropped` (from the queue or by the reader, or missing in a
+    publisher's sequence) and `rejected` (malformed, or refused by the reader).
     """
 
     def __init__(
@@ -130,6 +130,11 @@ class Subscription(Generic[M]):
         """Count a message as rejected after reading it; only the thread that reads messages calls this."""
         self._refused += 1
         self._rejections.append(Rejected(self.topic.name, "sequence", f"{self.topic.name}: {text}"))
+
+    def drop(self) -> None:
+        """Count a message as dropped after reading it, for the sake of a newer one."""
+        with self._arrivals:
+            self.dropped += 1
 
     def take_rejections(self) -> list[Rejected]:
         """The reasons of rejections since the last call, at most the last 16."""

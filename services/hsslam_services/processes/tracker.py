@@ -39,6 +39,7 @@ from hsslam_services.launch.worker_device import worker_device
 from hsslam_services.tracked.events import TrackingEvents
 from hsslam_services.tracked.keyframes_out import KeyframesOut
 from hsslam_services.tracked.poses_out import PosesOut, Received
+from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
 
 _POLL_S = 0.1
 
@@ -48,8 +49,9 @@ def main() -> None:
 
 
 def _run(worker: Worker) -> None:
-    is_lockstep = worker.options.pace == "lockstep"
-    frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
+    is_lockstep = worker.options.pace == "lockstep"  # then the camera waits
+    frames = worker.bus.subscribe(topics.FRAME, 4 if is_lockstep else DEPTH)
+    incoming = frames if is_lockstep else TimelyFrames(frames)
     order = FrameOrder()
     loop = _TrackerLoop(worker, order)
     inlet = FrameInlet(frames, order, worker.run.camera_arena)
@@ -59,7 +61,7 @@ def _run(worker: Worker) -> None:
         worker.event("info", text)
     worker.ready()
     while not worker.should_stop():
-        received = frames.wait_received(_POLL_S)
+        received = incoming.wait_received(_POLL_S)
         if received is not None and (place := inlet.admit(received)) is not None:
             loop.take(received.message, received.arrival_ns, place)
     loop.finish()

@@ -1,0 +1,47 @@
+"""The frames that the tracker tracks in real time: each one, or the newest if the tracker is behind."""
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+from hsslam_proto.messages import Frame
+from hsslam_services.bus.subscription import Received, Subscription
+
+DEPTH: Final = 3  # of the subscription
+
+
+class TimelyFrames:
+    """Frames of a subscription, oldest first, without those that have waited too long.
+
+    A camera that was held up sends several frames at once, and all of them are tracked. A frame is dropped if
+    a newer one waits too, and it has waited for more than half of the time between the two (by their stamps):
+    then the tracker is slower than the camera.
+
+    `now_ns`: the clock of the arrivals, ns.
+    """
+
+    def __init__(
+        self, frames: Subscription[Frame], now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        self._frames = frames
+        self._now_ns = now_ns
+        self._next: Received[Frame] | None = None
+
+    def wait_received(self, timeout_s: float) -> Received[Frame] | None:
+        """The next frame; waits up to `timeout_s` for one."""
+        oldest, self._next = self._next, None
+        if oldest is None:
+            oldest = self._frames.wait_received(timeout_s)
+        if oldest is None:
+            return None
+        while (newer := self._frames.poll_received()) is not None:
+            if not self._is_late(oldest, newer):
+                self._next = newer
+                break
+            self._frames.drop()
+            oldest = newer
+        return oldest
+
+    def _is_late(self, older: Received[Frame], newer: Received[Frame]) -> bool:
+        period_ns = newer.message.stamp_ns - older.message.stamp_ns
+        return 2 * (self._now_ns() - older.arrival_ns) > period_ns

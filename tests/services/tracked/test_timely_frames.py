@@ -1,0 +1,71 @@
+"""A burst of frames is tracked whole; a tracker that is behind gets the newest frame."""
+
+import time
+from collections.abc import Callable
+
+import msgspec
+
+from hsslam_proto import topics
+from hsslam_proto.messages import Frame
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.publisher import Publisher
+from hsslam_services.bus.subscription import Received, Subscription
+from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
+from tests.services.wire_samples import frame
+
+_PERIOD_NS = 33_000_000
+
+
+def _until(condition: Callable[[], object]) -> None:
+    deadline_s = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline_s, "timed out"
+
+
+class _Camera:
+    """Sends frames 33 ms apart by their stamps, as fast as it can."""
+
+    def __init__(self, publisher: Publisher[Frame], frames: Subscription[Frame]) -> None:
+        self._publisher, self._frames = publisher, frames
+        _until(publisher.has_subscribers)
+
+    def burst(self, *indices: int) -> None:
+        received = self._frames.received
+        for index in indices:
+            sent = msgspec.structs.replace(frame(index), stamp_ns=_PERIOD_NS * index)
+            self._publisher.put(sent)
+        _until(lambda: self._frames.received == received + len(indices))
+
+
+def _indices(received: list[Received[Frame] | None]) -> list[int | None]:
+    return [None if one is None else one.message.index for one in received]
+
+
+def test_a_burst_is_taken_whole_and_late_frames_are_dropped(endpoint: str):
+    late_ns = 0
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "tracker") as bus:
+        frames = bus.subscribe(topics.FRAME, DEPTH)
+        timely = TimelyFrames(frames, lambda: waiting[0].arrival_ns + late_ns)
+        camera = _Camera(outside.publisher(topics.FRAME), frames)
+
+        camera.burst(1, 2, 3)
+        waiting = list(frames._waiting)
+        assert _indices([timely.wait_received(0.0) for _ in range(4)]) == [1, 2, 3, None]
+        assert frames.dropped == 0
+
+        camera.burst(4, 5)
+        waiting, late_ns = list(frames._waiting), _PERIOD_NS
+        assert _indices([timely.wait_received(0.0) for _ in range(2)]) == [5, None]
+        assert frames.dropped == 1
+
+        camera.burst(6)  # late, but there is no newer one
+        assert _indices([timely.wait_received(0.0)]) == [6]
+
+        camera.burst(7, 8, 9, 10)  # one more than wait
+        waiting, late_ns = list(frames._waiting), 0
+        assert _indices([timely.wait_received(0.0) for _ in range(3)]) == [8, 9, 10]
+        assert frames.dropped == 2
+
+        camera.burst(11, 2)  # the camera has begun anew
+        waiting, late_ns = list(frames._waiting), 1
+        assert _indices([timely.wait_received(0.0) for _ in range(2)]) == [2, None]
