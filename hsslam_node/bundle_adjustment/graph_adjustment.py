@@ -69,8 +69,8 @@ class GraphBundleAdjustment:
         rest: Rest = no_rest,
     ) -> BaReport:
         """Align, solve, refine the map. It holds `lease()` only to step the map, and calls `rest()` before
-        it aligns a keyframe and before each step of the map. No pose moves if `may_step()` returns False, or
-        if the solution moves surfaces by less than `least_shift_m`; the next round solves again.
+        each alignment of two keyframes and before each step of the map. No pose moves if `may_step()` returns
+        False, or if the solution moves surfaces by less than `least_shift_m`; the next round solves again.
         """
         poses = store.poses()
         closed = self._measure(store, poses, rest)
@@ -114,18 +114,19 @@ class GraphBundleAdjustment:
             self._all_at_next = True
         self._left = [k for k in due[most:] if k in kept and k >= store.inherited]
         for k in due[:most]:
-            rest()
-            near = {
-                gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
-                for gap in c.neighbours
-                if k - gap in kept and k in kept and fragments[k - gap] == fragments[k]
-            }
-            aligned = {gap: edge for gap, edge in near.items() if edge is not None}
+            aligned: dict[int, PoseEdge] = {}
+            for gap in c.neighbours:
+                if k - gap in kept and k in kept and fragments[k - gap] == fragments[k]:
+                    rest()
+                    T = inverse(poses[k - gap]) @ poses[k]
+                    if (edge := self._alignment.neighbour(k - gap, k, T)) is not None:
+                        aligned[gap] = edge
             self._edges += aligned.values()
             self._chain.doubt(k, aligned)
-            loops += self._loops.near(k, poses) if k in kept else []
+            loops += self._loops.near(k, poses, rest) if k in kept else []
         if self._rounds % _ALIKE_EVERY == 0 and c.loops and not loops:
-            loops += self._loops.alike(count - 1)
+            loops += self._loops.alike(count - 1, rest)
+        rest()
         self._rounds += 1
         self._seen = count
         self._edges += loops

@@ -4,6 +4,7 @@ import numpy as np
 
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment
 from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
+from hsslam_node.bundle_adjustment.report import Rest, no_rest
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
@@ -32,8 +33,11 @@ class LoopSearch:
         self._seed = seed
         self._index = KeyframeIndex(store)
 
-    def near(self, k: int, poses: np.ndarray) -> list[PoseEdge]:
-        """Edges to old keyframes whose position and view direction are near those of keyframe k."""
+    def near(self, k: int, poses: np.ndarray, rest: Rest = no_rest) -> list[PoseEdge]:
+        """Edges to old keyframes whose position and view direction are near those of keyframe k.
+
+        It calls `rest()` before each alignment.
+        """
         c = self._config
         ids = self._store.kept()
         ids = ids[ids <= k - c.loop_gap]
@@ -48,20 +52,32 @@ class LoopSearch:
             i = int(farness.argmin())
             farness[max(i - _APART, 0) : i + _APART + 1] = np.inf
             first = int(ids[i])
+            rest()
             edge = self._alignment.loop(first, k, inverse(poses[first]) @ poses[k])
             if edge is not None:
                 edges.append(edge)
         return edges
 
-    def alike(self, k: int) -> list[PoseEdge]:
-        """Edges to old keyframes that share features with keyframe k, at any distance."""
-        self._index.update(_MOST_INDEXED)
+    def alike(self, k: int, rest: Rest = no_rest) -> list[PoseEdge]:
+        """Edges to old keyframes that share features with keyframe k, at any distance.
+
+        It calls `rest()` before each keyframe that it indexes or aligns, and before it searches the index.
+        """
+        for _ in range(_MOST_INDEXED):
+            rest()
+            if self._index.update(1) == 0:
+                break
         among = np.arange(max(k - self._config.loop_gap + 1, 0))
         if len(among) == 0:
             return []
+        rest()
         found = find_loop(
             self._store, self._index, k, self._tracker,
             among=among, candidates=2, seed=self._seed,
         )  # fmt: skip
-        edges = [self._alignment.loop(m.keyframe, k, m.T_keyframe_cam) for m in found]
-        return [edge for edge in edges if edge is not None]
+        edges: list[PoseEdge] = []
+        for m in found:
+            rest()
+            if (edge := self._alignment.loop(m.keyframe, k, m.T_keyframe_cam)) is not None:
+                edges.append(edge)
+        return edges
