@@ -33,9 +33,8 @@ run: $(VENV)/.installed
 warm-up: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
 
-# three workers at first: tests that wait for processes leave a quarter of two cores idle
 test: warm-up
-	$(BIN)/pytest -m 'not e2e and not long' --numprocesses 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m 'not e2e and not long' --numprocesses 2 --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile $(call marked,e2e)
 	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)
 

@@ -3,6 +3,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 _RENDER = """
 import hashlib
 from hsslam_node.geometry.camera import Camera
@@ -21,6 +23,7 @@ print(images.hexdigest())
 """
 
 
+@pytest.mark.long  # it compiles, 20 s
 def test_the_process_that_compiles_draws_what_others_draw(tmp_path: Path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     drawn = [
