@@ -1,4 +1,4 @@
-"""The frames that the tracker tracks in real time: each one, or the newest if the tracker is behind."""
+"""Chooses the frames that the tracker tracks in real time: each one, or the newest if it is behind."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +11,7 @@ DEPTH: Final = 3  # of the subscription
 
 
 class TimelyFrames:
-    """Frames of a subscription, oldest first, without those that have waited too long.
+    """Returns the frames of a subscription in their order, and drops those that have waited too long.
 
     A camera that was held up sends several frames at once, and all of them are tracked. A frame is dropped if
     a newer one waits too, and it has waited for more than half of the time between the two (by their stamps):

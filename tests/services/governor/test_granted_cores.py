@@ -1,12 +1,10 @@
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from hsslam_bench.runs.cpu_quota import NoQuotaError, cpu_quota
 from hsslam_services.governor.granted_cores import granted_cores
+from tests.services.governor.under_quota import printed_under_quota
 
 _OWN_CORES = len(os.sched_getaffinity(0))
 
@@ -65,18 +63,6 @@ def test_a_machine_without_control_groups(tmp_path: Path):
 
 def test_a_quota_of_the_kernel_is_found():
     code = (
-        "from hsslam_services.governor.granted_cores import granted_cores\n"
-        "input(); print(granted_cores())"
+        "from hsslam_services.governor.granted_cores import granted_cores\nprint(granted_cores())"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        with cpu_quota(process.pid, 0.4, 1):
-            found, _ = process.communicate("\n", timeout=60)
-    except NoQuotaError as error:
-        pytest.skip(str(error))
-    finally:
-        process.kill()
-        process.wait()
-    assert float(found) == pytest.approx(0.4)
+    assert float(printed_under_quota(code, 0.4)) == pytest.approx(0.4)

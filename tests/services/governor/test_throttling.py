@@ -1,11 +1,9 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from hsslam_bench.runs.cpu_quota import NoQuotaError, cpu_quota
 from hsslam_services.governor.throttling import Throttling
+from tests.services.governor.under_quota import printed_under_quota
 
 
 def _stat(periods: int, throttled: int) -> str:
@@ -77,23 +75,11 @@ def test_the_kernel_throttles_a_process_that_uses_more_than_its_quota():
     code = (
         "import time\n"
         "from hsslam_services.governor.throttling import Throttling\n"
-        "input()\n"
         "throttling = Throttling()\n"
         "first = throttling.share(time.monotonic())\n"
         "end = time.process_time() + 0.5\n"
         "while time.process_time() < end: pass\n"
         "print(first, throttling.share(time.monotonic() + 1.0))"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        with cpu_quota(process.pid, 0.2, 1):
-            found, _ = process.communicate("\n", timeout=60)
-    except NoQuotaError as error:
-        pytest.skip(str(error))
-    finally:
-        process.kill()
-        process.wait()
-    first, busy = map(float, found.split())
+    first, busy = map(float, printed_under_quota(code, 0.2).split())
     assert first == 0.0 and busy > 0.5
