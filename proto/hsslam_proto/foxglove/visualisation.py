@@ -41,10 +41,7 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
     """The /viz messages of a message; only frames with JPEG colour are drawn. Lost poses are not drawn."""
     match message:
         case messages.Frame(color_encoding="jpeg"):
-            return [
-                _viz("/viz/camera/image", _image(message)),
-                _viz("/viz/camera/calibration", _calibration(message)),
-            ]
+            return [_viz("/viz/camera/image", _image(message))]
         case messages.Pose() if message.status != "lost":
             return [
                 _viz("/viz/tf", _transform(message)),
@@ -58,6 +55,11 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
             return [_viz("/viz/log", _log(message))]
         case _:
             return []
+
+
+def viz_calibration(frame: messages.Frame) -> VizMessage:
+    """The /viz message of the camera of a frame; viewers use the newest for all images."""
+    return _viz("/viz/camera/calibration", _calibration(frame))
 
 
 def viz_blocks(blocks: Mapping[Block, Triangles | None], stamp_ns: int) -> VizMessage:

@@ -1,7 +1,8 @@
 """Progress of the camera process, in the arena folder: a restarted camera continues from it."""
 
+import os
 import struct
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from hsslam_proto.frame_order import new_publisher
@@ -33,12 +34,16 @@ class CameraProgress:
 
     def write(self, arena_dir: Path) -> None:
         """Write the file; in place if it exists, as that needs no memory, which may be full."""
-        path, packed = _path(arena_dir), _LAYOUT.pack(*astuple(self))
-        if not path.exists():
+        path, packed = _path(arena_dir), _LAYOUT.pack(*vars(self).values())
+        try:
+            file = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+        except FileNotFoundError:
             write_atomically(path, packed)
             return
-        with path.open("r+b", buffering=0) as file:
-            file.write(packed)
+        try:
+            os.write(file, packed)
+        finally:
+            os.close(file)
 
     @staticmethod
     def exists(arena_dir: Path) -> bool:

@@ -8,20 +8,24 @@ from hsslam_proto.foxglove.visualisation import (
     VizMessage,
     cleared_scene,
     viz_blocks,
+    viz_calibration,
     viz_messages,
 )
 from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.mesh.assembled import PendingBlocks
 from hsslam_proto.mesh.messages import Mesh, MeshBlocks
 from hsslam_proto.message import Message
+from hsslam_proto.messages import Frame
 
 _MESH_INTERVAL_S = 10.0
+_CALIBRATION_INTERVAL_NS = 1_000_000_000
 _GRID_INTERVAL_NS = 1_000_000_000
 _BLOCKS_AT_ONCE = 128  # 20 ms; frames wait meanwhile
 
 
 class FoxgloveLayer:
-    """Writes poses and images at once, the grid once a second, changed blocks of the mesh every 10 s.
+    """Writes poses and images at once, grid and calibration once a second, changed blocks of the mesh every
+    10 s. A calibration that changes is written at once.
 
     `write(message, log_ns, stamp_ns)` writes a message of the layer to the log. `log_ns` is the time of
     arrival; for the mesh it is the time of writing, as Foxglove removes entities that are older than a
@@ -33,6 +37,8 @@ class FoxgloveLayer:
         self._blocks = PendingBlocks()
         self._mesh_s = float("-inf")
         self._grid_ns = 0
+        self._calibration: tuple[float, ...] = ()
+        self._calibration_ns = 0
         self._epochs = EpochOrder()
 
     def add(self, message: Message, arrival_ns: int) -> None:
@@ -51,6 +57,8 @@ class FoxgloveLayer:
             if 0 <= arrival_ns - self._grid_ns < _GRID_INTERVAL_NS:
                 return
             self._grid_ns = arrival_ns
+        if isinstance(message, Frame) and self._is_calibration_due(message, arrival_ns):
+            self._write(viz_calibration(message), arrival_ns, message.stamp_ns)
         stamp_ns = getattr(message, "stamp_ns", arrival_ns)
         for viz in viz_messages(message, arrival_ns):
             self._write(viz, arrival_ns, stamp_ns)
@@ -68,6 +76,14 @@ class FoxgloveLayer:
         if news.blocks:
             now_ns = time.time_ns()
             self._write(viz_blocks(news.blocks, now_ns), now_ns, now_ns)
+
+    def _is_calibration_due(self, frame: Frame, arrival_ns: int) -> bool:
+        now = (frame.fx, frame.fy, frame.cx, frame.cy, frame.width_px, frame.height_px)
+        is_recent = 0 <= arrival_ns - self._calibration_ns < _CALIBRATION_INTERVAL_NS
+        if now == self._calibration and is_recent:
+            return False
+        self._calibration, self._calibration_ns = now, arrival_ns
+        return True
 
     def _clear(self) -> None:
         now_ns = time.time_ns()

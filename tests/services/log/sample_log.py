@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import encode
-from hsslam_proto.foxglove.visualisation import viz_blocks, viz_messages
+from hsslam_proto.foxglove.visualisation import viz_blocks, viz_calibration, viz_messages
 from hsslam_proto.mesh.codec import block_triangles
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
@@ -33,7 +33,10 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
             log.write_viz(viz, at, at)
 
     for index in range(count):
-        put(topics.FRAME, compress_frame(textured(index), color), index)
+        image = compress_frame(textured(index), color)
+        put(topics.FRAME, image, index)
+        if index == 0:
+            log.write_viz(viz_calibration(image), START_NS, START_NS)
         put(topics.POSE, pose(index, "lost" if index == 3 else "tracked"), index)
         if index % 5 == 0:
             put(topics.KEYFRAME, keyframe(index // 5), index)

@@ -11,7 +11,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from hsslam_proto import run_messages, topics
 from hsslam_proto.codec import encode
-from hsslam_proto.foxglove.visualisation import viz_messages
+from hsslam_proto.foxglove.visualisation import viz_calibration, viz_messages
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
 from hsslam_services.log.parts import next_part, parts
@@ -42,6 +42,7 @@ def test_the_viz_layer_is_foxglove_protobuf(tmp_path):
     for message in (frame(3, compressed=True), pose(3), pose(4, status="lost"), mesh(), event):
         for viz in viz_messages(message, 50):
             log.write_viz(viz, 50, 40)
+    log.write_viz(viz_calibration(frame(3)), 50, 40)
     log.close()
     with (tmp_path / "run.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])

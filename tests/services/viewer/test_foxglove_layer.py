@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
-from tests.services.wire_samples import blocks, grid, pose
+from tests.services.wire_samples import blocks, frame, grid, pose
 
 _HOUR_NS = 3600 * 10**9
 
@@ -34,6 +34,18 @@ def test_the_grid_goes_on_when_the_clock_is_set_back():
     for second in (5000.0, 5000.5, 5001.0, 1400.0, 1400.5, 1401.0):
         layer.add(grid(0), round(1e9 * second))
     assert [log_ns / 1e9 for _, log_ns, _ in written] == [5000.0, 5001.0, 1400.0, 1401.0]
+
+
+def test_a_calibration_comes_once_a_second_and_when_it_changes():
+    layer, written = _layer()
+    image = frame(0, compressed=True)
+    for milliseconds in (5000, 5500, 6000, 6500):
+        other = msgspec.structs.replace(image, fx=image.fx + 1) if milliseconds == 6500 else image
+        layer.add(other, milliseconds * 10**6)
+    calibrations = [(m, log_ns) for m, log_ns, _ in written if hasattr(m, "K")]
+    assert [log_ns // 10**6 for _, log_ns in calibrations] == [5000, 6000, 6500]
+    assert [m.K[0] - image.fx for m, _ in calibrations] == [0, 0, 1]
+    assert len(written) == 4 + 3  # every image is written
 
 
 def _layer() -> tuple[FoxgloveLayer, list[tuple[Any, int, int]]]:
