@@ -75,6 +75,10 @@ class FragmentTracker:
         if self._fragment is not None:
             self._fragment.tracker.space_keyframes(times)
 
+    def use_map(self, is_used: bool) -> None:
+        """As the tracker of the map; a fragment has no map to align to."""
+        self._map.use_map(is_used)
+
     def prepare_next(self) -> None:
         """As the tracker in use."""
         (self._fragment.tracker if self._fragment else self._map).prepare_next()

@@ -36,6 +36,11 @@ class FrameTracker(Protocol):
         searches for a better reference; a tracker that needs a dense map may ignore it."""
         ...
 
+    def use_map(self, is_used: bool) -> None:
+        """Align frames to map and keyframes, or to keyframes alone while the camera is not lost; a tracker
+        that aligns to the map alone ignores it."""
+        ...
+
     def prepare_next(self) -> None:
         """Prepare for the next frame ahead of time; otherwise `track` does it."""
         ...

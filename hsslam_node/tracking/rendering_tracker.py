@@ -146,6 +146,9 @@ class RenderingTracker:
     def space_keyframes(self, times: int) -> None:
         """Do nothing: this tracker aligns to the map alone, so the map must follow the camera."""
 
+    def use_map(self, is_used: bool) -> None:
+        """Do nothing: this tracker aligns to the map alone."""
+
     def prepare_next(self) -> None:
         """Do nothing."""
 

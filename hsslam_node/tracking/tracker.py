@@ -49,6 +49,7 @@ class Tracker:
             config.tracker, self._aligner, self._motion, self._reckoned, self._relocalisation
         )
         self._keyframes = NewKeyframes(config, store)
+        self._uses_map = True
 
     def resume(self, *, anywhere: bool = False) -> None:
         """Continue in an existing map, as a camera that is lost at the newest keyframe.
@@ -133,6 +134,13 @@ class Tracker:
         """Let `times` as many frames pass between keyframes; a fast change of the view still makes one."""
         self._keyframes.spacing = times
 
+    def use_map(self, is_used: bool) -> None:
+        """Align frames to map and keyframes, or to keyframes alone while the camera is not lost.
+
+        A camera that only localises always asks the map, as the map alone knows where it ends.
+        """
+        self._uses_map = is_used
+
     def prepare_next(self) -> None:
         """Prepare the reference keyframe of the next frame; the pose of the last frame did not need it."""
         self._aligner.prepare_next()
@@ -140,7 +148,9 @@ class Tracker:
     def _observed(self, frame: Frame, view: MapView | None, *, localise_only: bool) -> Observation:
         self.prepare_next()
         self._store.expect_like(frame)
-        if self._reckoned.is_open and not localise_only:  # the map does not cover this place yet
+        is_beside = self._reckoned.is_open  # the map does not cover this place yet
+        is_left_out = not self._uses_map and not self._motion.lost_frames
+        if (is_beside or is_left_out) and not localise_only:
             view = None
         return Observation.of(frame, view, self._config, self._seed, localise_only=localise_only)
 

@@ -14,6 +14,7 @@ class LoadLevel:
     distances_every: float = 1.0  # times the time between updates of grid and distances
     image_every_s: float = 0.0  # least time between images in the live viewer
     keyframes_every: int = 1  # times the frames between keyframes
+    uses_map: bool = True  # False: frames are aligned to keyframes alone, unless the camera is lost
     iterations: float = 1.0  # share of the mapper's iterations for each keyframe
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
@@ -62,24 +63,26 @@ LEVELS: Final = (
         background_share=0.15,
     ),
     LoadLevel(
-        "at most half of the keyframes, a twelfth of the mapping work",
+        "tracking without the map, at most half of the keyframes, a twelfth of the mapping work",
         mesh_every=24.0,
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
         keyframes_every=2,
+        uses_map=False,
         iterations=0.25,
         rays=0.67,
         ba_every=4.0,
         background_share=0.08,
     ),
     LoadLevel(
-        "at most half of the keyframes, a twenty-fourth of the mapping iterations, a third of their rays",
+        "as before, a twenty-fourth of the mapping iterations, a third of their rays",
         mesh_every=48.0,
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
         keyframes_every=2,
+        uses_map=False,
         iterations=1 / 12,
         rays=0.33,
         ba_every=4.0,

@@ -138,7 +138,9 @@ class _TrackerLoop:
             self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
-            self._tracker.space_keyframes(LEVELS[self._governor.level].keyframes_every)
+            level = LEVELS[self._governor.level]
+            self._tracker.space_keyframes(level.keyframes_every)
+            self._tracker.use_map(level.uses_map)
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
 

@@ -201,6 +201,23 @@ def test_a_map_that_lags_behind_does_not_lose_the_camera():
     assert all(map(_is_right, results[1:]))
 
 
+def test_a_tracker_leaves_the_map_out_if_asked_but_not_while_the_camera_is_lost():
+    frames = room_frames()[:12]
+    tracker, without = (Tracker(SMALL, _store(), 0) for _ in range(2))
+    tracker.use_map(False)
+    view = _all_free(frames[0])
+    for frame in frames[:8]:
+        result, expected = tracker.track(frame, view), without.track(frame, None)
+        np.testing.assert_array_equal(result.T_world_cam, expected.T_world_cam)
+        assert result.map_version == 0
+    assert tracker.track(with_black(frames[8]), view).status == "lost"
+    found = tracker.track(frames[9], view)
+    assert (found.status, found.map_version) == ("tracked", view.version)
+    assert tracker.track(frames[10], view).map_version == 0
+    tracker.use_map(True)
+    assert tracker.track(frames[11], view).map_version == view.version
+
+
 def _all_free(frame: Frame) -> MapView:
     """A map to which all space is free, as it is to one that has not seen the place."""
     layout = FieldLayout.over(SMALL.field, initial_bound(frame, SMALL.bound, 12.0))
