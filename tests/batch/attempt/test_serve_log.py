@@ -61,6 +61,7 @@ def test_bad_input_leaves_nothing_and_no_batch_takes_the_fetch_of_another(tmp_pa
     assert list(scratch.iterdir()) == [of_other] != [folder]
 
 
+@pytest.mark.alone
 def test_a_run_has_the_time_that_the_fetch_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A script in the place of Python: the fetch takes 0.8 s, the run would take a minute."""
     slow = tmp_path / "python"

@@ -201,6 +201,7 @@ def test_a_correction_waits_for_the_keyframe_that_is_being_appended():
     assert corrections[0].keyframes.tolist() == [2, 3]
 
 
+@pytest.mark.alone
 def test_a_tracker_that_died_while_it_appended_is_waited_for_once():
     store = _store(3, MemoryAllocator())
     store.appending().__enter__()  # it never leaves

@@ -10,6 +10,9 @@ from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
 
 
+pytestmark = pytest.mark.alone  # wall-clock time is compared with core time
+
+
 @pytest.fixture
 def level(tmp_path: Path) -> SharedLevel:
     SharedLevel.create(tmp_path)
