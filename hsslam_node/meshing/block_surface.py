@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from skimage.measure import marching_cubes
 
-from hsslam_node.meshing.weld import BlockMesh
+from hsslam_node.meshing.block_mesh import BlockMesh
 
 Block = tuple[int, int, int]
 QuerySdf = Callable[[np.ndarray], np.ndarray]

@@ -9,10 +9,11 @@ import trimesh
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.meshing.block_mesh import BlockMesh
 from hsslam_node.meshing.block_surface import Block, QueryColor, QuerySdf, block_surface
 from hsslam_node.meshing.faces_seen import faces_seen
 from hsslam_node.meshing.observed_space import ObservedSpace
-from hsslam_node.meshing.weld import BlockMesh, kept_faces, weld_blocks
+from hsslam_node.meshing.weld import kept_faces, weld_blocks
 from hsslam_node.meshing.whole_space import WholeSpace
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hsslam_node.meshing.block_mesh import BlockMesh, without_specks
 from hsslam_node.meshing.block_surface import Block, QueryColor, QuerySdf, block_surface
 from hsslam_node.meshing.sparse_space import SparseSpace
-from hsslam_node.meshing.weld import BlockMesh, without_specks
 
 _PROBES = 48  # vertices of a block whose SDF shows whether its surface has moved
 _PROBED_AT_ONCE = 256  # blocks

@@ -16,6 +16,7 @@ _NEEDED = {
     "processes.tracker": {"torch", "numba", "cv2", "scipy"},
     "processes.mapper": {"torch", "numba", "scipy"},
     "processes.global_ba": {"torch", "numba", "cv2", "scipy"},
+    "processes.mesher": {"numba", "cv2", "scipy", "skimage"},
 }
 
 

@@ -21,12 +21,12 @@ from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+from hsslam_node.meshing.block_mesh import BlockMesh
 from hsslam_node.meshing.block_surface import Block
 from hsslam_node.meshing.live_mesh import HasTime, LiveMesh
 from hsslam_node.meshing.map_queries import Queries, open_map_queries
 from hsslam_node.meshing.marked_keyframes import MarkedKeyframes
 from hsslam_node.meshing.sparse_space import SparseSpace
-from hsslam_node.meshing.weld import BlockMesh
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message

@@ -1,8 +1,9 @@
 import numpy as np
 
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.meshing.block_mesh import BlockMesh
 from hsslam_node.meshing.observed_space import ObservedSpace
-from hsslam_node.meshing.weld import BlockMesh, weld_blocks
+from hsslam_node.meshing.weld import weld_blocks
 
 SPACE = ObservedSpace(Bound((0.0, 0.0, 0.0), (1.6, 0.8, 0.8)), 0.1, 8)
 FACE = np.array([[0, 1, 2]])

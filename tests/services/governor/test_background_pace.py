@@ -9,7 +9,6 @@ from hsslam_services.governor.background_pace import BackgroundPace
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.governor.shared_level import SharedLevel
 
-
 pytestmark = pytest.mark.alone  # wall-clock time is compared with core time
 
 
