@@ -3,6 +3,8 @@
 import atexit
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -43,6 +45,8 @@ def _run(worker: Worker) -> None:
 
         assert warm_start(worker.options.slam).is_inherited
     (worker.run.path / "at_work").touch()
+    if behaviour == "starved":
+        _starve(seconds=6.0)
     if behaviour in ("deaf", "stuck"):
         time.sleep(60)
     if behaviour == "crash":
@@ -58,6 +62,21 @@ def _run(worker: Worker) -> None:
         globals()["remnant"] = _Remnant(worker.run.path / "freed")
         atexit.register((worker.run.path / "atexit_called").touch)
         print("not flushed", end="")
+
+
+def _starve(seconds: float) -> None:
+    """Compute at the lowest priority on a core that other processes use."""
+    core = min(os.sched_getaffinity(0))
+    spin = f"import os, time; os.sched_setaffinity(0, [{core}]); end_s = time.monotonic() + {seconds}\n"
+    others = [
+        subprocess.Popen([sys.executable, "-c", spin + "while time.monotonic() < end_s: pass"])
+        for _ in range(3)
+    ]
+    for thread in (int(task.name) for task in Path("/proc/self/task").iterdir()):
+        os.sched_setaffinity(thread, [core])
+        os.sched_setscheduler(thread, os.SCHED_IDLE, os.sched_param(0))
+    while any(other.poll() is None for other in others):
+        sum(range(1000))
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from typing import Literal
 from hsslam_proto.run_messages import Health
 from hsslam_services.bus.dead_pools import free_pools
 from hsslam_services.bus.zenoh_session import most_pool_bytes
+from hsslam_services.launch.core_wait import CoreWait
 from hsslam_services.launch.process_table import ProcessSpec, process_number
 from hsslam_services.launch.restart_policy import RestartPolicy
 from hsslam_services.launch.spawn import (
@@ -31,6 +32,8 @@ _ORDERLY = (0, -END_SIGNAL)  # the signal kills a process without a handler
 _OWN_PAUSE_S = 2.0  # a longer one between ticks: the whole run was frozen, as by `docker pause`
 _PATIENCE_S = 10.0  # after such a pause, before a process counts as hung
 _KILL_TIMEOUT_S = 10.0  # for the kernel: a process may hang in a driver
+_QUIET_SHARE = 0.3  # of a time limit, after which the supervisor looks at the threads of a process
+_MOST_STARVED = 8.0  # times a time limit that a process may take if it waits for a core
 
 
 class Child:
@@ -73,6 +76,8 @@ class Child:
         self._killed_s = 0.0
         self._ticked_s = time.monotonic()
         self._patient_until_s = 0.0
+        self._core_wait: CoreWait | None = None  # while the process is quiet
+        self._has_reported_wait = False
 
     @property
     def is_alive(self) -> bool:
@@ -120,7 +125,7 @@ class Child:
         if self._process is not None and (code := self._process.poll()) is not None:
             self._exited(code, now)
         if self._process is not None and self._killed_s:
-            if now - self._killed_s > _KILL_TIMEOUT_S:
+            if self._is_overdue(now - self._killed_s, _KILL_TIMEOUT_S, now):
                 self._abandon()
             return
         if self.wanted and self._process is None and self.state == "waiting":
@@ -154,6 +159,7 @@ class Child:
             self._missed_earlier.update({name: counts.dropped for name, counts in topics})
             self._counted_earlier |= self.health.counters
         self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
+        self._core_wait, self._has_reported_wait = None, False
         self._worked_since_s = None
         try:
             free_pools(process_number(self.spec.name), most_pool_bytes())
@@ -219,18 +225,42 @@ class Child:
             return
         assert self._process is not None
         spec = self.spec
-        since_start_s, since_beat_s = now - self._started_s, now - self._beat_s
-        if self.state == "stalled":
-            why = f"made no progress in its main loop for {spec.stall_timeout_s:g} s"
-        elif self.health is not None and since_beat_s > spec.health_timeout_s:
-            why = f"sends no heartbeat for {spec.health_timeout_s:g} s"
-        elif self.state == "starting" and since_start_s > spec.startup_timeout_s:
-            why = f"is not ready after {spec.startup_timeout_s:g} s"
-        else:
-            return
-        self.news.append(f"{spec.name} {why}: killed")
+        quiet = []  # seconds, limit, what is missing
+        if self.health is not None:
+            quiet.append((now - self._beat_s, spec.health_timeout_s, "sends no heartbeat for"))
+            if self.state in ("running", "stalled"):
+                idle_s = 1e-3 * self.health.idle_ms
+                quiet.append(
+                    (idle_s, spec.stall_timeout_s, "made no progress in its main loop for")
+                )
+        if self.state == "starting":
+            quiet.append((now - self._started_s, spec.startup_timeout_s, "is not ready after"))
+        seconds, limit_s, what = max(quiet, key=lambda each: each[0] / each[1])
+        if seconds < _QUIET_SHARE * limit_s:
+            self._core_wait = None
+        elif self._is_overdue(seconds, limit_s, now):
+            self._kill(f"{what} {limit_s:g} s", now)
+        elif seconds > limit_s and not self._has_reported_wait:
+            self._has_reported_wait = True
+            self.news.append(
+                f"{spec.name} {what} {limit_s:g} s: it waits for a core, as others use them"
+            )
+
+    def _kill(self, why: str, now: float) -> None:
+        assert self._process is not None
+        self.news.append(f"{self.spec.name} {why}: killed")
         self._process.kill()
-        self._killed_s = now
+        self._killed_s, self._core_wait = now, None
+
+    def _is_overdue(self, seconds: float, limit_s: float, now: float) -> bool:
+        """Whether a time limit has passed; a process that waits for a core of a busy machine has longer."""
+        if self._core_wait is None:
+            assert self.pid is not None
+            self._core_wait = CoreWait(self.pid, now)
+        self._core_wait.look(now)
+        if seconds <= limit_s:
+            return False
+        return seconds > _MOST_STARVED * limit_s or not self._core_wait.is_starved()
 
     def _stop(self, now: float) -> None:
         assert self._process is not None
@@ -239,8 +269,4 @@ class Child:
             self._process.send_signal(signal.SIGCONT)  # so that a frozen process can end
             self._stop_sent_s = now
         elif now - max(self._stop_sent_s, self._loop_s) > self.spec.stop_timeout_s:
-            self.news.append(
-                f"{self.spec.name} did not end in {self.spec.stop_timeout_s:g} s: killed"
-            )
-            self._process.kill()
-            self._killed_s = now
+            self._kill(f"did not end in {self.spec.stop_timeout_s:g} s", now)

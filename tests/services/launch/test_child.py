@@ -146,6 +146,16 @@ def test_frozen_process_is_replaced(watch):
     assert "no heartbeat" in child.news[0]
 
 
+def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
+    start, until = watch
+    child = start("starved", health_timeout_s=1.0)
+    told = "sample_worker sends no heartbeat for 1 s: it waits for a core, as others use them"
+    until(lambda: told in child.news, timeout_s=30)
+    pid, silent = child.pid, child.health
+    until(lambda: child.health is not silent and child.state == "running", timeout_s=30)
+    assert (child.pid, child.restarts, child.news) == (pid, 0, [told])
+
+
 def test_loop_that_does_not_come_round_is_replaced(watch):
     start, until = watch
     child = start("stuck", stall_timeout_s=1.0)
