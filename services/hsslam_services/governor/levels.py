@@ -76,7 +76,7 @@ LEVELS: Final = (
         background_share=0.08,
     ),
     LoadLevel(
-        "as before, a twenty-fourth of the mapping iterations, a third of their rays",
+        "tracking without the map, half of the keyframes, a twenty-fourth of the mapping iterations",
         mesh_every=48.0,
         distances_every=4.0,
         view_width_px=32,
