@@ -256,7 +256,7 @@ class Child:
         """Whether a time limit has passed; a process that waits for a core of a busy machine has longer."""
         if self._core_wait is None:
             assert self.pid is not None
-            self._core_wait = CoreWait(self.pid, now)
+            self._core_wait = CoreWait(self.pid)
         self._core_wait.look(now)
         if seconds <= limit_s:
             return False

@@ -5,9 +5,8 @@ from typing import Final
 
 _LOOK_EVERY_S: Final = 0.2
 _FEWEST_LOOKS: Final = 3
-_RUNNABLE_SHARE: Final = (
-    0.5  # of the looks; threads of a process that sleeps are runnable for moments
-)
+# of the looks; threads of a process that sleeps are runnable for moments
+_RUNNABLE_SHARE: Final = 0.5
 _MOST_CORE_SHARE: Final = 0.5  # with more of a core, a process has had its turn
 _TICKS_PER_S: Final = 100  # USER_HZ of Linux
 
@@ -20,35 +19,31 @@ class CoreWait:
 
     Args:
         pid: the process, of the same user.
-        now_s: monotonic clock, s.
     """
 
-    def __init__(self, pid: int, now_s: float, proc: Path = Path("/proc")) -> None:
-        self._tasks = proc / str(pid) / "task"
+    def __init__(self, pid: int) -> None:
+        self._tasks = Path(f"/proc/{pid}/task")
         self._looks = self._runnable = 0
-        self._since_s, self._next_s = now_s, now_s
-        self._used_s = 0.0
-        self._core_s_at_first = 0.0
+        self._first_s = self._last_s = float("-inf")  # times of looks
+        self._first_core_s = self._last_core_s = 0.0  # core time until then
 
     def look(self, now_s: float) -> None:
-        """Look at the threads, at most five times a second."""
-        if now_s < self._next_s:
+        """Look at the threads, at most five times a second; `now_s`: monotonic clock, s."""
+        if now_s - self._last_s < _LOOK_EVERY_S:
             return
-        self._next_s = now_s + _LOOK_EVERY_S
         is_runnable, core_s = self._threads()
         if not self._looks:
-            self._core_s_at_first, self._since_s = core_s, now_s
+            self._first_s, self._first_core_s = now_s, core_s
         self._looks += 1
         self._runnable += is_runnable
-        self._used_s = core_s - self._core_s_at_first
+        self._last_s, self._last_core_s = now_s, core_s
 
     def is_starved(self) -> bool:
         """Whether the process has waited for a core in most looks, and got less than half of one."""
-        if self._looks < _FEWEST_LOOKS:
+        if self._looks < _FEWEST_LOOKS or self._runnable < _RUNNABLE_SHARE * self._looks:
             return False
-        seconds = self._next_s - _LOOK_EVERY_S - self._since_s
-        is_waiting = self._runnable >= _RUNNABLE_SHARE * self._looks
-        return is_waiting and self._used_s < _MOST_CORE_SHARE * seconds
+        seconds, core_s = self._last_s - self._first_s, self._last_core_s - self._first_core_s
+        return core_s < _MOST_CORE_SHARE * seconds
 
     def _threads(self) -> tuple[bool, float]:
         """Whether a thread is runnable, and the core time of all living threads, s."""

@@ -34,7 +34,7 @@ def start() -> Iterator[Callable[[str], int]]:
 
 def _is_starved(pid: int) -> bool:
     begin_s = now_s = time.monotonic()
-    wait = CoreWait(pid, begin_s)
+    wait = CoreWait(pid)
     while now_s < begin_s + 2.0:
         now_s = time.monotonic()
         wait.look(now_s)
@@ -64,6 +64,6 @@ def test_a_process_that_turns_in_a_loop_on_a_core_of_its_own_waits_for_none(star
 
 
 def test_few_looks_say_nothing(start):
-    wait = CoreWait(start(_SLEEP), 0.0)
+    wait = CoreWait(start(_SLEEP))
     wait.look(0.0)
     assert not wait.is_starved()
