@@ -1,7 +1,7 @@
 """The log of the recorder, split into MCAP files (parts), each of which opens alone."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -35,16 +35,24 @@ class PartedLog:
     """As `McapLog`, split into parts: when one is full, the next begins (run.1.mcap, ...).
 
     A part has its own schemas, channels, index and metadata. `counts`: over all parts written here.
-    `removed`: names of the parts that were removed for `keep_bytes`.
+    `removed`: names of the parts that were removed for `keep_bytes`. `on_next_part` gets the path of
+    each part after the first, before a message is written to it.
 
     Raises:
         OSError: the first part cannot be written.
     """
 
-    def __init__(self, run_dir: Path, robot: str, settings: LogSettings | None = None) -> None:
+    def __init__(
+        self,
+        run_dir: Path,
+        robot: str,
+        settings: LogSettings | None = None,
+        on_next_part: Callable[[Path], None] = lambda path: None,
+    ) -> None:
         self.settings = settings or LogSettings()
         self._run_dir = run_dir
         self._robot = robot
+        self._on_next_part = on_next_part
         self._closed_counts: Counter[str] = Counter()
         self._lost_bytes = 0
         self._closed_refused = 0
@@ -117,6 +125,7 @@ class PartedLog:
         self._closed_counts += self._part.counts
         self._closed_refused += self._part.refused
         self._part = following
+        self._on_next_part(following.path)
 
     def _next_part(self) -> McapLog:
         path = next_part(self._run_dir)

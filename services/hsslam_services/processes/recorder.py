@@ -91,13 +91,12 @@ class Recorder:
         try:
             self._recorded = RecordedSoFar(run_dir, run_id)
             self._unfinished = UnfinishedParts(run_dir, report)  # after `RecordedSoFar` read them
-            self._log = PartedLog(run_dir, bus.robot, log)
+            self._log = PartedLog(run_dir, bus.robot, log, self._begin_part)
         except OSError as error:
             raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
         self._whole_mesh = WholeMesh(self._log.path, time.monotonic())
         self._foxglove = FoxgloveLayer(self._log.write_viz)
-        self._drawn_part = self._log.path  # the part whose file for rerun is written
-        rrd = self._drawn_part.with_suffix(".rrd")
+        rrd = self._log.path.with_suffix(".rrd")
         self._view = RerunView(rrd, viewer, run_id, report, viewer_memory_gb)
         self._steps = bus.publisher(topics.STEP)
         self._confirms = is_lockstep
@@ -229,14 +228,16 @@ class Recorder:
                 self._recorded.add(key, envelope)
             self._foxglove.add(message, received.arrival_ns)
         if topic.drawn:
-            if self._log.path is not self._drawn_part:
-                self._drawn_part = self._log.path
-                self._view.write_to(self._drawn_part.with_suffix(".rrd"))
             self._view.show(
                 message,
                 in_file=not is_short and self._whole_mesh.is_for_file(message, envelope),
                 in_viewer=self._whole_mesh.is_for_viewer(message, envelope),
             )
+
+    def _begin_part(self, log: Path) -> None:
+        """Let the file for rerun and the Foxglove layer begin anew: each part opens alone."""
+        self._view.write_to(log.with_suffix(".rrd"))
+        self._foxglove.begin_part()
 
     def _confirm(self) -> None:
         if self._confirms and self._logged:

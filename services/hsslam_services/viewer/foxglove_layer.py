@@ -18,14 +18,13 @@ from hsslam_proto.message import Message
 from hsslam_proto.messages import Frame
 
 _MESH_INTERVAL_S = 10.0
-_CALIBRATION_INTERVAL_NS = 1_000_000_000
-_GRID_INTERVAL_NS = 1_000_000_000
+_INTERVAL_NS = 1_000_000_000  # of grids, and of calibrations that stay the same
 _BLOCKS_AT_ONCE = 128  # 20 ms; frames wait meanwhile
 
 
 class FoxgloveLayer:
     """Writes poses and images at once, grid and calibration once a second, changed blocks of the mesh every
-    10 s. A calibration that changes is written at once.
+    10 s. A calibration is written at once if it changes, and in each part of the log.
 
     `write(message, log_ns, stamp_ns)` writes a message of the layer to the log. `log_ns` is the time of
     arrival; for the mesh it is the time of writing, as Foxglove removes entities that are older than a
@@ -54,7 +53,7 @@ class FoxgloveLayer:
             self._blocks.take()  # the final mesh replaces them
             arrival_ns = time.time_ns()
         if isinstance(message, Grid):
-            if 0 <= arrival_ns - self._grid_ns < _GRID_INTERVAL_NS:
+            if _is_recent(self._grid_ns, arrival_ns):
                 return
             self._grid_ns = arrival_ns
         if isinstance(message, Frame) and self._is_calibration_due(message, arrival_ns):
@@ -62,6 +61,10 @@ class FoxgloveLayer:
         stamp_ns = getattr(message, "stamp_ns", arrival_ns)
         for viz in viz_messages(message, arrival_ns):
             self._write(viz, arrival_ns, stamp_ns)
+
+    def begin_part(self) -> None:
+        """Write the calibration again with the next image: the next part of the log opens alone."""
+        self._calibration = ()
 
     def write_blocks(self, at_once: bool = False) -> None:
         """Write changed blocks if 10 s have passed; `at_once`: write all now."""
@@ -79,8 +82,7 @@ class FoxgloveLayer:
 
     def _is_calibration_due(self, frame: Frame, arrival_ns: int) -> bool:
         now = (frame.fx, frame.fy, frame.cx, frame.cy, frame.width_px, frame.height_px)
-        is_recent = 0 <= arrival_ns - self._calibration_ns < _CALIBRATION_INTERVAL_NS
-        if now == self._calibration and is_recent:
+        if now == self._calibration and _is_recent(self._calibration_ns, arrival_ns):
             return False
         self._calibration, self._calibration_ns = now, arrival_ns
         return True
@@ -88,3 +90,8 @@ class FoxgloveLayer:
     def _clear(self) -> None:
         now_ns = time.time_ns()
         self._write(cleared_scene(now_ns), now_ns, now_ns)
+
+
+def _is_recent(written_ns: int, arrival_ns: int) -> bool:
+    """Whether something was written less than a second ago; not if the clock has been set back."""
+    return 0 <= arrival_ns - written_ns < _INTERVAL_NS

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import rerun_cli
+from mcap.reader import make_reader
 
 from hsslam_proto import run_messages, topics
 from hsslam_proto.frame_codec import frame_from_message
@@ -256,6 +257,11 @@ def test_each_part_of_the_log_has_a_file_for_rerun(endpoint, tmp_path):
     recordings = [(tmp_path / part).with_suffix(".rrd") for part in parts]
     rerun = str(Path(rerun_cli.__file__).parent / "rerun")
     subprocess.run([rerun, "rrd", "verify", *recordings], check=True, capture_output=True)
+    for part in parts:
+        with (tmp_path / part).open("rb") as stream:
+            topics_of_part = {c.topic for _, c, _ in make_reader(stream).iter_messages()}
+        has_image = "/viz/camera/image" in topics_of_part
+        assert has_image == ("/viz/camera/calibration" in topics_of_part), part
 
 
 def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):

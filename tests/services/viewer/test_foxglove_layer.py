@@ -36,7 +36,7 @@ def test_the_grid_goes_on_when_the_clock_is_set_back():
     assert [log_ns / 1e9 for _, log_ns, _ in written] == [5000.0, 5001.0, 1400.0, 1401.0]
 
 
-def test_a_calibration_comes_once_a_second_and_when_it_changes():
+def test_a_calibration_comes_once_a_second_and_when_it_changes_and_in_each_part():
     layer, written = _layer()
     image = frame(0, compressed=True)
     for milliseconds in (5000, 5500, 6000, 6500):
@@ -46,6 +46,9 @@ def test_a_calibration_comes_once_a_second_and_when_it_changes():
     assert [log_ns // 10**6 for _, log_ns in calibrations] == [5000, 6000, 6500]
     assert [m.K[0] - image.fx for m, _ in calibrations] == [0, 0, 1]
     assert len(written) == 4 + 3  # every image is written
+    layer.begin_part()
+    layer.add(other, 6501 * 10**6)
+    assert [hasattr(m, "K") for m, *_ in written[7:]] == [True, False]
 
 
 def _layer() -> tuple[FoxgloveLayer, list[tuple[Any, int, int]]]:
