@@ -22,7 +22,7 @@ from hsslam_services.bus.bus import Bus
 _FORGED_S, _WATCH_S = 6.0, 6.0
 _MOST_MORE_MS = 50.0
 _HUNG_MS = 10**7
-_OTHER_USER_ID = 65534  # the user `nobody` of Linux
+_OTHER_USER_ID = 65534  # Linux gives no files to this user
 _SUBSCRIBER = """
 import sys, time
 from hsslam_proto.topics import TOPICS

@@ -1,5 +1,6 @@
 """Finds out whether a silent process hangs, or waits for a core of a busy machine."""
 
+import os
 from pathlib import Path
 from typing import Final
 
@@ -8,7 +9,7 @@ _FEWEST_LOOKS: Final = 3
 # of the looks; threads of a process that sleeps are runnable for moments
 _RUNNABLE_SHARE: Final = 0.5
 _MOST_CORE_SHARE: Final = 0.5  # with more of a core, a process has had its turn
-_TICKS_PER_S: Final = 100  # USER_HZ of Linux
+_TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
 class CoreWait:

@@ -1,6 +1,5 @@
 """Progress of the camera process, in the arena folder: a restarted camera continues from it."""
 
-import os
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,14 +35,10 @@ class CameraProgress:
         """Write the file; in place if it exists, as that needs no memory, which may be full."""
         path, packed = _path(arena_dir), _LAYOUT.pack(*vars(self).values())
         try:
-            file = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+            with path.open("r+b", buffering=0) as file:
+                file.write(packed)
         except FileNotFoundError:
             write_atomically(path, packed)
-            return
-        try:
-            os.write(file, packed)
-        finally:
-            os.close(file)
 
     @staticmethod
     def exists(arena_dir: Path) -> bool:

@@ -11,11 +11,11 @@ DEPTH: Final = 3  # of the subscription
 
 
 class TimelyFrames:
-    """Returns the frames of a subscription in their order, and drops those that have waited too long.
+    """A subscription to frames for a tracker that must not fall behind.
 
-    A camera that was held up sends several frames at once, and all of them are tracked. A frame is dropped if
-    a newer one waits too, and it has waited for more than half of the time between the two (by their stamps):
-    then the tracker is slower than the camera.
+    A camera that was held up sends several frames at once. The tracker gets all of them, in their order.
+    If the tracker is slower than the camera, this class drops frames: it drops a frame if a newer one waits
+    too, and the frame has waited for more than half of the time between their stamps.
 
     `now_ns`: the clock of the arrivals, ns.
     """
