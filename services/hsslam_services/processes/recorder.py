@@ -234,9 +234,9 @@ class Recorder:
                 in_viewer=self._whole_mesh.is_for_viewer(message, envelope),
             )
 
-    def _begin_part(self, log: Path) -> None:
+    def _begin_part(self, part: Path) -> None:
         """Let the file for rerun and the Foxglove layer begin anew: each part opens alone."""
-        self._view.write_to(log.with_suffix(".rrd"))
+        self._view.write_to(part.with_suffix(".rrd"))
         self._foxglove.begin_part()
 
     def _confirm(self) -> None:
