@@ -41,7 +41,7 @@ test: warm-up
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/pyrefly check --python-interpreter-path $(BIN)/python
 	$(BIN)/cog --check $(GENERATED)
 
 # no --quiet, because it hides warnings from --strict; NO_MKDOCS_2_WARNING hides an advertisement of the theme

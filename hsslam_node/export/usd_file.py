@@ -1,6 +1,6 @@
 """A coloured mesh as Universal Scene Description, by the package usd-core."""
 
-# pyright: reportAttributeAccessIssue=false
+# pyrefly: ignore-errors[missing-attribute]
 # the modules of pxr have no annotations
 
 import errno

@@ -25,7 +25,7 @@ _AT_ONCE = 4  # neighbours to each side that are compared before the next look a
 
 def site_bits(sites: int) -> int:
     """Bits of a key for the number of a site."""
-    return max(int(sites) - 1, 1).bit_length()
+    return max(sites - 1, 1).bit_length()
 
 
 def key_type(far: int, bits: int) -> type[np.unsignedinteger]:

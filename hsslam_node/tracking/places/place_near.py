@@ -26,8 +26,9 @@ _TAKEN_IN = 4  # of these keyframes are indexed with a frame, 15 ms each
 _ANYWHERE, _THERE = 2, 3  # keyframes compared in the whole map and near the place, 35 ms each
 _CLEARLY = 2.0  # times the inliers: then a place elsewhere overrules the person
 _FEWEST_BLOCKS, _ALIKE = 20, 0.85  # compared blocks of both images, and share that is alike
-_SHIFTS_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])  # along each axis of the floor
-_TURNS_RAD = np.deg2rad([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0])
+# the named place first
+_SHIFTS_M = np.array([0.0, -0.25, 0.25, -0.5, 0.5])  # along each axis of the floor
+_TURNS_RAD = np.deg2rad([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0])
 _LOOKED_AT = 6  # keyframes whose surfaces are compared with the frame's at all these poses
 _ALIGNED = 4  # of these poses are aligned, 15 ms each
 
@@ -143,10 +144,10 @@ def _poses_around(near: Whereabouts) -> list[np.ndarray]:
     side /= np.linalg.norm(side)
     ahead = np.cross(side, near.up)
     poses = []
-    for turn_rad in sorted(_TURNS_RAD, key=abs):
+    for turn_rad in _TURNS_RAD:
         R = so3_exp(turn_rad * near.up)
-        for along_m in sorted(_SHIFTS_M, key=abs):
-            for across_m in sorted(_SHIFTS_M, key=abs):
+        for along_m in _SHIFTS_M:
+            for across_m in _SHIFTS_M:
                 T = near.T_world_cam.copy()
                 T[:3, :3] = R @ T[:3, :3]
                 T[:3, 3] += along_m * ahead + across_m * side

@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
@@ -89,7 +90,9 @@ def run_options(serve_args: Sequence[str]) -> ServeOptions:
     mask = str(user_path(given.mask).absolute()) if given.mask else ""
     if mask and not Path(mask).exists():
         raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
-    usual = {field.name: field.default for field in fields(given) if field.name in _SET_BY_BATCH}
+    usual: dict[str, Any] = {
+        field.name: field.default for field in fields(given) if field.name in _SET_BY_BATCH
+    }
     return replace(given, **usual, pace="lockstep", viewer="none", map=saved, mask=mask)
 
 

@@ -91,7 +91,7 @@ def _served_url(run_folder: Path, since_s: float) -> str | None:
 
 def _written_bytes(pid: int) -> int:
     try:
-        return int(psutil.Process(pid).io_counters().write_chars)
+        return psutil.Process(pid).io_counters().write_chars
     except (psutil.Error, OSError):
         return 0
 

@@ -123,7 +123,7 @@ def parsed_overrides(texts: tuple[str, ...]) -> dict[str, Override]:
     Raises:
         UserError: a text has no `=`.
     """
-    pairs = {}
+    pairs: dict[str, Override] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
@@ -146,6 +146,5 @@ def _known(config: SlamConfig, name: str) -> tuple[str, dataclasses.Field]:
 
 
 def _kind(value: object) -> str:
-    return {bool: "true or false", int: "a whole number", float: "a number"}.get(
-        type(value), "a word"
-    )
+    kinds: dict[type, str] = {bool: "true or false", int: "a whole number", float: "a number"}
+    return kinds.get(type(value), "a word")

@@ -87,12 +87,12 @@ class _Server(ThreadingTCPServer):
             self._open.pop(request, None)
         super().shutdown_request(request)
 
-    def handle_error(self, *_: object) -> None:
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore the errors of clients that are gone."""
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: _Server
+    server: _Server  # type: ignore[assignment]
     timeout = _SLOWEST_CLIENT_S
 
     def do_GET(self) -> None:
@@ -119,5 +119,5 @@ class _Handler(BaseHTTPRequestHandler):
         if self.command != "HEAD":
             self.wfile.write(body)
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, format: str, *args: Any) -> None:
         """Do not log requests: a scrape comes every few seconds."""

@@ -247,7 +247,7 @@ class _MesherLoop:
     ) -> MeshBlocks:
         space = self._mesh.space
         return blocks_message(
-            [(block, mesh and _triangles(mesh, space)) for block, mesh in blocks],
+            [(block, _triangles(mesh, space) if mesh else None) for block, mesh in blocks],
             BlockLattice(space.voxel_m, space.block_m),
             series=self._series,
             revision=state.revision,

@@ -60,4 +60,4 @@ class StaticTransforms:
 
 def _name(frame_id: str) -> str:
     """The name without slashes at its ends: ROS 1 allowed a leading slash."""
-    return str(frame_id).strip("/")
+    return frame_id.strip("/")

@@ -14,7 +14,7 @@ def test_it_ends_with_the_step_of_the_last_frame_or_with_patience(endpoint):
     with Bus(endpoint, "r", "camera") as bus, Bus(endpoint, "r", "recorder") as recorder:
         steps = recorder.publisher(topics.STEP)
         worker = SimpleNamespace(bus=bus, is_orphan=lambda: False)
-        wait = LastFrame(worker, patience_s=60.0)  # pyright: ignore[reportArgumentType]
+        wait = LastFrame(worker, patience_s=60.0)
         waiting = threading.Thread(target=wait.wait_until_logged, args=(7, 3))
         waiting.start()
         for publisher, index, stage in ((7, 2, "logged"), (8, 3, "logged"), (7, 3, "done")):
@@ -26,5 +26,5 @@ def test_it_ends_with_the_step_of_the_last_frame_or_with_patience(endpoint):
         assert not waiting.is_alive()
 
         begin_s = time.monotonic()
-        LastFrame(worker, patience_s=0.2).wait_until_logged(7, 4)  # pyright: ignore[reportArgumentType]
+        LastFrame(worker, patience_s=0.2).wait_until_logged(7, 4)
         assert time.monotonic() - begin_s >= 0.2

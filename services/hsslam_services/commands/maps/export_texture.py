@@ -55,6 +55,6 @@ def _write_obj(out: Path, textured: Trimesh) -> None:
     name = re.sub(r"\s", "_", out.stem)
     textured.visual.material.name = name  # type: ignore[union-attr]
     text, beside = export_obj(textured, return_texture=True, mtl_name=f"{name}.mtl")
-    for name, data in (*beside.items(), (out.name, text.encode())):
+    for name, data in (*beside.items(), (out.name, text.encode())):  # type: ignore[union-attr]
         with out_file(out.with_name(name)) as partial:
             partial.write_bytes(data)
