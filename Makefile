@@ -2,6 +2,7 @@
 # make warm-up  compile the kernels
 # make test  install what the tests need, compile the kernels, run the tests
 # make lint  formatter, linter, type checker, generated docs
+# make collect  import all tests; as a side effect Python compiles them once, which each worker would do
 # make docs  build the site of docs/ into build/site, strictly
 # make docs-update  write the generated parts of the documents
 # make bench measure the figures of the README and store them as JSON; BATCH=1 runs lockstep rows as Ray
@@ -24,7 +25,7 @@ export OMP_NUM_THREADS := 1
 # let the first process that imports a package write its bytecode (see --no-compile in requirements/install.py)
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run warm-up test lint docs docs-update bench lock resolve package clean look-again
+.PHONY: run warm-up test collect lint docs docs-update bench lock resolve package clean look-again
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
@@ -37,6 +38,10 @@ test: warm-up
 	$(BIN)/pytest -m 'not e2e and not long and not alone' --numprocesses 3 --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile $(call marked,e2e)
 	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)
+
+collect: $(VENV)/.installed-dev
+	@mkdir -p build
+	$(BIN)/pytest --collect-only -qq -m 'not long' --no-header > build/collected.txt || { cat build/collected.txt; exit 1; }
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -9,7 +9,7 @@ from hsslam_node.gpu_kernels.field.forward import field_forward
 from hsslam_node.gpu_kernels.field.pose_backward import field_pose_backward
 from tests.node.gpu_kernels.conftest import empty, on_device
 
-N = 150  # not a multiple of the block
+N = 70  # not a multiple of the block
 
 
 def _run(field, points, d_sdf, d_rgb, times=1):

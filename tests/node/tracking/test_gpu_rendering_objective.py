@@ -68,7 +68,7 @@ def test_a_pose_is_judged_by_the_map_that_was_rendered(view):
 
 
 def test_the_tracker_asks_the_map_where_it_is(view):
-    options = replace(SMALL.rendering_tracker, pixels=60, iterations=3, fresh_pixels=False)
+    options = replace(SMALL.rendering_tracker, pixels=24, iterations=2, fresh_pixels=False)
     config = replace(SMALL, rendering_tracker=options)
     first, second = room_frames()[:2]
     poses = []
