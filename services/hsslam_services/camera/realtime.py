@@ -78,7 +78,7 @@ class Realtime:
         self._read_ns = source_ns
         if not self._progress.pinned_ns or self._steps_read > self._steps_sent:
             return False
-        lag_ns = time.monotonic_ns() - self._progress.due_ns(round(source_ns * self._scale))
+        lag_ns = time.monotonic_ns() - self._progress.due_ns(source_ns, self._scale)
         return self._late_ns < lag_ns < _LARGEST_LAG_NS
 
     def held(self, seconds: float) -> None:
@@ -104,7 +104,7 @@ class Realtime:
             name = publisher, frame.index
             status = {p.status for p in self._poses.drain() if (p.publisher, p.index) == name}
             if has_map or "tracked" in status:  # a saved map needs no first step
-                self._progress.pinned_source_ns = round(frame.stamp_ns * self._scale)
+                self._progress.pinned_source_ns = frame.stamp_ns
                 self._progress.pinned_ns = time.monotonic_ns()
                 return
             if "lost" in status:
@@ -117,8 +117,7 @@ class Realtime:
 
     def _due_ns(self, frame: Frame) -> int:
         """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""
-        source_ns = round(frame.stamp_ns * self._scale)
-        wait_ns = self._progress.due_ns(source_ns) - time.monotonic_ns()
+        wait_ns = self._progress.due_ns(frame.stamp_ns, self._scale) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
         if is_back:
             self._steps_sent += 1
@@ -140,7 +139,7 @@ class Realtime:
                     self._report(
                         frame, "the source is slower than its sensor: its clock is set back"
                     )
-        return self._progress.due_ns(source_ns)
+        return self._progress.due_ns(frame.stamp_ns, self._scale)
 
     def _stamp_ns(self, due_ns: int) -> int:
         """The wall clock at a monotonic time, ns."""

@@ -22,6 +22,13 @@ Subcommand = Callable[[Sequence[str]], int | None]
 _EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_NO_PATH = {  # faults of paths that a user names; what is expected instead
+    errno.EACCES: "a file or folder that this user may open",
+    errno.EPERM: "a file or folder that this user may open",
+    errno.EROFS: "a folder that can be written",
+    errno.ENAMETOOLONG: "a shorter path",
+    errno.ELOOP: "a path without a loop of links",
+}
 _STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
 
 QUESTIONS = ("-h", "--help", "--help-all", "--version")
@@ -83,8 +90,8 @@ def run_subcommand(
 
 def exit_code(command: Callable[[], int | None]) -> int:
     """Run the command and return its exit code (0 for None), 1 if it is interrupted, its output is closed or
-    the disk is full, 2 on bad input or too little memory. Bad input, too little memory and a full disk are
-    reported in one line on stderr."""
+    the disk is full, 2 on bad input, too little memory or a path that cannot be opened. All of these but an
+    interruption and a closed output are reported in one line on stderr."""
     _open_closed_streams()
     try:
         try:
@@ -105,6 +112,12 @@ def exit_code(command: Callable[[], int | None]) -> int:
         if error.errno in _NO_ROOM:
             where = error.filename or "output"
             print(f"error: {where}: {error.strerror}: expected room to write", file=sys.stderr)
+        elif error.filename and error.errno in _NO_PATH:
+            expected = _NO_PATH[error.errno]
+            print(
+                f"error: {error.filename}: {error.strerror}: expected {expected}", file=sys.stderr
+            )
+            return 2
         elif not isinstance(error, BrokenPipeError):
             raise
         nowhere = os.open(os.devnull, os.O_WRONLY)

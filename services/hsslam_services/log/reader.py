@@ -2,6 +2,7 @@
 
 import errno
 import fcntl
+import os
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from hsslam_node.user_path import user_path
 from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
+from hsslam_services.log.arrival_order import in_order_of_arrival
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parts import parts
 from hsslam_services.log.recovery import recover
@@ -127,11 +129,15 @@ def log_files(place: str | Path) -> list[Path]:
     """The files of a log, without recovery.
 
     Raises:
-        UserError: a folder without a log.
+        UserError: a folder without a log, or one that cannot be read.
     """
     path = user_path(place)
-    if not path.is_dir():
-        return [path]
+    try:
+        if not path.is_dir():
+            return [path]
+        os.scandir(path).close()  # glob passes over a folder that cannot be read
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: expected a log or a run folder") from None
     found = parts(path)
     if not found:
         raise UserError(f"{path}: no log there: expected a run folder with run.mcap")
@@ -151,7 +157,8 @@ def make_readable(path: Path, say: Say) -> bool:
     """
     try:
         with path.open("rb") as stream:
-            if not MAGIC.startswith(stream.read(len(MAGIC))):
+            first = stream.read(len(MAGIC))
+            if not MAGIC.startswith(first) or not (first or _is_named_as_log(path)):
                 raise UserError(f"{path}: not an MCAP file: expected a log such as run.mcap")
         expect_closed(path)
         if is_finished(path):
@@ -161,6 +168,11 @@ def make_readable(path: Path, say: Say) -> bool:
         raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
     say(f"{path}: {recovered.line()}")
     return True
+
+
+def _is_named_as_log(path: Path) -> bool:
+    """Whether recovery may make a log of this file if it is empty."""
+    return path.suffix == ".mcap"
 
 
 def expect_closed(path: Path) -> None:
@@ -191,15 +203,14 @@ def _run_lives(folder: Path) -> bool:
 def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
     """Messages of the bus in order of arrival, of the topics of these names (None: all known).
 
-    A single topic comes in the order of writing, even if the wall clock was set meanwhile. Several topics
-    are sorted by the wall clock, file by file.
+    This order does not change if the wall clock is set during the run.
     """
     for path in files:
         with log_reader(path) as reader:
             wanted = [key for key in _keys(reader) if _is_wanted(key, names)]
             if not wanted:
                 continue
-            for schema, channel, record in _records(path, reader, wanted):
+            for schema, channel, record in in_order_of_arrival(_records(path, reader, wanted)):
                 robot, name = _split(channel.topic)
                 topic = _TOPICS[name]
                 yield Logged(
@@ -215,9 +226,9 @@ def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iter
 def _records(
     path: Path, reader: McapReader, wanted: list[str]
 ) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
-    """Records of these keys; reads a single key by chunk, as mcap would hold the whole file in memory."""
+    """Records of these keys in the order of the file, chunk by chunk; by time if the file has no chunks."""
     summary = reader.get_summary()
-    if len(wanted) > 1 or summary is None or not summary.chunk_indexes:
+    if summary is None or not summary.chunk_indexes:
         yield from reader.iter_messages(wanted)
         return
     ids = {number for number, each in summary.channels.items() if each.topic in wanted}

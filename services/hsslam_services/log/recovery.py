@@ -57,18 +57,22 @@ def recover(path: Path) -> Recovered:
     """Check the whole file and make it readable.
 
     If only the end is missing, writes it in place. If the file is damaged, replaces it by a copy with all
-    intact records; the original stays as NAME.damaged.mcap beside it.
+    intact records; the original stays as NAME.damaged.mcap beside it. Files of other programs stay as they
+    are.
 
     Raises:
-        UserError: another process writes the file, or it is unfinished and no log of this program.
+        UserError: another process writes the file, or it is of another program and unfinished or damaged.
         OSError: the file cannot be written, or there is no room for the copy (the original stays).
     """
     with path.open("r+b") as stream:
         lock_log(stream, path)
         survey = _survey(stream)
         if not survey.is_ours:
+            if not survey.damage and is_finished(path):
+                return Recovered(survey.index.counts, was_whole=True)
+            what = "damaged" if survey.damage else "unfinished"
             raise UserError(
-                f"{path}: unfinished, and no log of this program: expected a complete MCAP file"
+                f"{path}: {what}, and no log of this program: expected an intact MCAP file"
             )
         if survey.damage:
             return _copied(stream, path, survey)

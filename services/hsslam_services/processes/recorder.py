@@ -27,9 +27,9 @@ from hsslam_services.bus.publisher import Report
 from hsslam_services.bus.subscription import Received, Subscription
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.health.disk_report import DiskReport
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
-from hsslam_services.log.disk_report import DiskReport
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog, log_settings
 from hsslam_services.log.parts import parts

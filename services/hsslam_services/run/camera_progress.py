@@ -27,9 +27,12 @@ class CameraProgress:
     skipped: int = 0  # late frames that were not read
     last_index: int = -1  # of the last frame that was sent; -1: none was
 
-    def due_ns(self, source_ns: int) -> int:
-        """Monotonic time at which the sensor would have delivered the frame of this source stamp."""
-        return self.pinned_ns + source_ns - self.pinned_source_ns
+    def due_ns(self, source_ns: int, clock_scale: float) -> int:
+        """Monotonic time at which the sensor would have delivered the frame of this source stamp.
+
+        clock_scale: seconds of the sensor's clock per second of the source's stamps.
+        """
+        return self.pinned_ns + round((source_ns - self.pinned_source_ns) * clock_scale)
 
     def write(self, arena_dir: Path) -> None:
         """Write the file; in place if it exists, as that needs no memory, which may be full."""

@@ -154,7 +154,7 @@ def played() -> Iterator[Callable[[_SlowSource], list[tuple[Any, float]]]]:
                 behind_s = 0.0
                 if isinstance(item, Frame):
                     pace.send(item)
-                    behind_s = (time.monotonic_ns() - progress.due_ns(item.stamp_ns)) / 1e9
+                    behind_s = (time.monotonic_ns() - progress.due_ns(item.stamp_ns, 1.0)) / 1e9
                     progress.last_source_ns = item.stamp_ns
                 sent.append((item, behind_s))
             return sent

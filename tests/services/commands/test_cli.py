@@ -1,5 +1,6 @@
 """How commands end."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -30,6 +31,11 @@ def _raises(error: BaseException):
         (lambda: _raises(MemoryError("9 GiB")), 2, "error: out of memory: 9 GiB\n"),
         (lambda: _raises(MemoryError()), 2, "error: out of memory\n"),
         (lambda: _raises(KeyboardInterrupt()), 1, "interrupted\n"),
+        (
+            lambda: _raises(PermissionError(errno.EACCES, "Permission denied", "a/run.mcap")),
+            2,
+            "error: a/run.mcap: Permission denied: expected a file or folder that this user may open\n",
+        ),
     ],
 )
 def test_the_code_and_one_line(command, code, told, capsys):

@@ -4,6 +4,8 @@ import errno
 import fcntl
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -45,6 +47,38 @@ def test_an_unfinished_log_is_recovered_and_told_in_a_line(tmp_path):
     assert [(record.name, record.metadata) for record in metadata] == [("hsslam.run", {"a": "b"})]
     log_parts(path, told.append)
     assert len(told) == 1
+
+
+def test_an_empty_file_without_the_name_of_a_log_is_left_alone(tmp_path):
+    notes, log = tmp_path / "notes.txt", tmp_path / "new.mcap"
+    for path in (notes, log):
+        path.touch()
+    with pytest.raises(UserError, match=r"notes\.txt: not an MCAP file"):
+        log_parts(notes, print)
+    assert notes.read_bytes() == b""
+    assert log_parts(log, print) == [log]
+
+
+@contextmanager
+def _without_rights_of_root() -> Iterator[None]:
+    own = os.geteuid()
+    if own == 0:
+        os.seteuid(54321)
+    yield
+    os.seteuid(own)
+
+
+def test_a_log_of_another_user_is_one_line(tmp_path, capsys):
+    path = _log(tmp_path, 4)
+    tmp_path.chmod(0)
+    with _without_rights_of_root():
+        for place in (tmp_path, path):
+            assert main(["info", str(place)]) == 2
+            told = capsys.readouterr().err
+            assert re.fullmatch(rf"error: {place}: Permission denied: expected .*\n", told)
+    tmp_path.chmod(0o700)
+    assert main(["info", "x" * 300]) == 2
+    assert "File name too long" in capsys.readouterr().err
 
 
 def test_a_log_that_is_being_written_is_left_alone(tmp_path):
@@ -207,7 +241,11 @@ def test_a_clock_that_is_set_during_the_log_costs_no_message_and_no_order(tmp_pa
     files = log_parts(tmp_path, print)
     poses = bus_messages(files, {topics.POSE.name})
     assert [logged.message().index for logged in poses] == list(range(2000))
-    assert sum(1 for _ in bus_messages(files)) == 4000
+    both = [logged.topic for logged in bus_messages(files)]
+    assert both == [topics.POSE, topics.EVENT] * 2000
+    poses = bus_messages(files, {topics.POSE.name, topics.EVENT.name})
+    found = [logged.message().index for logged in poses if logged.topic is topics.POSE]
+    assert found == list(range(2000))
 
 
 def test_a_log_that_keeps_little_loses_its_oldest_parts_only(tmp_path):

@@ -161,8 +161,11 @@ def test_an_unfinished_file_of_another_program_is_not_touched(tmp_path):
         channel = writer.register_channel("/camera", "cdr", 0)
         writer.add_message(channel, 1, b"x" * 100, 1)
         writer.flush()
-    before = path.read_bytes()
-    with pytest.raises(UserError, match="no log of this program"):
+        before = path.read_bytes()
+        writer.finish()
+    assert recover(path).line() == "was finished already"
+    path.write_bytes(before)
+    with pytest.raises(UserError, match="unfinished, and no log of this program"):
         log_parts(path, print)
     assert path.read_bytes() == before
 

@@ -236,6 +236,15 @@ def test_in_a_new_map_epoch_the_clock_waits_for_the_new_map(other_end):
     assert [frame.index for frame in after] == [last.index + k for k in range(2, 5)]
 
 
+def test_a_recording_with_stamps_of_a_wall_clock_is_played_slowly(other_end, tum_folder):
+    end = other_end(source=f"tum:{tum_folder}", rate_hz=3.0)  # a tenth of its own rate
+    assert end.next_frame().index == 0
+    end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
+    first, second = (end.frames.wait(5) for _ in range(2))
+    assert (first.index, second.index) == (1, 2)
+    assert (second.stamp_ns - first.stamp_ns) / 1e9 == pytest.approx(1 / 3, abs=0.01)
+
+
 def test_a_restarted_live_camera_that_had_all_its_frames_says_so(other_end):
     """It died before it could; there is no camera any more."""
     had_all = CameraProgress(next_index=4, sent=3, bad=1, last_index=2)

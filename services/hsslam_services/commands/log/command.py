@@ -20,6 +20,7 @@ from hsslam_services.log.reader import expect_closed, log_files, log_parts
 from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"
+_PIPE_COLUMNS = 400  # of a table that goes to a file or another program
 _PURPOSE = "Shows, repairs, copies and exports logs."
 
 
@@ -36,6 +37,8 @@ def _info(args: Sequence[str]) -> None:
     if not options.files:
         raise UserError("info: no log: expected FILE...")
     console = Console(emoji=False, highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = _PIPE_COLUMNS
     for place in options.files:
         for shown in log_info(log_parts(place, _echo)):
             console.print(shown, soft_wrap=isinstance(shown, Text))

@@ -108,7 +108,9 @@ def _files_line(files: list[Path], found: list[Statistics]) -> str:
 
 
 def _topics(channels: Mapping[str, _Channel]) -> Table:
-    table = Table("topic", "schema")
+    table = Table()
+    for name in ("topic", "schema"):
+        table.add_column(name, overflow="fold")
     table.add_column("messages", justify="right")
     table.add_column("rate, Hz", justify="right")
     for topic, channel in sorted(channels.items()):

@@ -22,12 +22,12 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
         UserError: there is no message in that time, a part is damaged, or `out` is one of the parts, a
             folder, or cannot be written.
     """
-    if out.exists() and any(out.samefile(path) for path in files):
-        raise UserError(f"{out}: is the log itself: expected another file")
-    if out.is_dir():
-        raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")
-    copy = out.with_name(f".{out.name}.trimming")
     try:
+        if out.exists() and any(out.samefile(path) for path in files):
+            raise UserError(f"{out}: is the log itself: expected another file")
+        if out.is_dir():
+            raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")
+        copy = out.with_name(f".{out.name}.trimming")
         try:
             with copy.open("wb") as stream:
                 trimmed = _Trimmed(Writer(stream, compression=CompressionType.LZ4))
