@@ -33,6 +33,7 @@ _COLORS = {  # one for each process in all pictures
     "recorder": "#9467bd",
     "viewer": "#e377c2",
     "supervisor": "#7f7f7f",
+    "fork_server": "#bcbd22",
 }
 _OTHER_COLOR = "#c7c7c7"
 
@@ -158,6 +159,7 @@ def _draw_memory(axes: Axes, run: Mapping[str, Any]) -> None:
     colors = [_COLORS.get(name, _OTHER_COLOR) for name in names]
     axes.stackplot(at, rows, labels=names, colors=colors)
     axes.set(xlabel="frame", ylabel="memory (PSS), MiB", title=run["name"])
+    axes.legend(fontsize=7, ncols=3, loc="lower right")
 
 
 def _draw_disk(axes: Axes, runs: Mapping[str, Any]) -> None:
