@@ -1,5 +1,6 @@
 """`hsslam-certs`: a CA and a certificate for each role, in folders that `--security` takes."""
 
+import ipaddress
 import os
 import re
 import socket
@@ -19,7 +20,7 @@ from hsslam_services.security.access import ROLES
 from hsslam_services.security.certificates import CertificateAuthority
 from hsslam_services.security.credentials import CA_FILE, CERTIFICATE_FILE, KEY_FILE, ROUTER
 
-_HOST = r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,252}[A-Za-z0-9])?|::1?"
+_NAME = r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?)*"
 _PROG = "hsslam-certs"
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -61,10 +62,18 @@ class CertsOptions:
 
     def __post_init__(self) -> None:
         for host in self.host:
-            if not re.fullmatch(_HOST, host):
-                raise UserError(f"--host {host}: expected names or addresses")
+            if not (re.fullmatch(_NAME, host) or _is_address(host)):
+                raise UserError(f"--host {host}: expected names or addresses, without a port")
         if not 1 <= self.days <= 3650:
             raise UserError(f"--days {self.days}: expected 1 to 3650")
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -1,5 +1,6 @@
 """Shared parts of the commands: options from the command line, exit codes, a progress bar."""
 
+import contextlib
 import errno
 import os
 import sys
@@ -100,29 +101,32 @@ def exit_code(command: Callable[[], int | None]) -> int:
         finally:
             sys.stdout.flush()
     except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
+        _tell(f"error: {error}")
         return 2
     except MemoryError as error:
-        print(f"error: out of memory: {error}".rstrip(": "), file=sys.stderr)
+        _tell(f"error: out of memory: {error}".rstrip(": "))
         return 2
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        _tell("interrupted")
         return 1
     except OSError as error:
         if error.errno in _NO_ROOM:
             where = error.filename or "output"
-            print(f"error: {where}: {error.strerror}: expected room to write", file=sys.stderr)
+            _tell(f"error: {where}: {error.strerror}: expected room to write")
         elif error.filename and error.errno in _NO_PATH:
-            expected = _NO_PATH[error.errno]
-            print(
-                f"error: {error.filename}: {error.strerror}: expected {expected}", file=sys.stderr
-            )
+            _tell(f"error: {error.filename}: {error.strerror}: expected {_NO_PATH[error.errno]}")
             return 2
         elif not isinstance(error, BrokenPipeError):
             raise
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())  # Python flushes stdout at exit
         return 1
+
+
+def _tell(text: str) -> None:
+    """Print a line on stderr; a full disk or a closed pipe does not change the exit code."""
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def _open_closed_streams() -> None:

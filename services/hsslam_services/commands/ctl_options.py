@@ -14,6 +14,7 @@ from hsslam_services.run.maps_folder import expect_map_name
 _MODES: tuple[str, ...] = get_args(Mode)
 _ARGUMENTS = {"save": "NAME", "set-mode": "|".join(_MODES), "query": "X Y Z", "locate": "X Y YAW"}
 _NUMBERS = {"query": "query X Y Z in metres", "locate": "locate X Y YAW in metres and degrees"}
+_LARGEST = 1_000_000  # number of a query or of locate
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 
@@ -103,14 +104,14 @@ class CtlOptions:
         return self.arguments[0]
 
     def numbers(self) -> tuple[float, ...]:
-        """X Y Z of a query, m, or X Y YAW of locate, m and degrees; UserError if they are not finite."""
+        """X Y Z of a query, m, or X Y YAW of locate, m and degrees; UserError if they are too large."""
         try:
             found = tuple(map(float, self.arguments))
         except ValueError:
             found = (math.nan,)
-        if not all(map(math.isfinite, found)):
+        if not all(abs(number) <= _LARGEST for number in found):
             given = " ".join([self.request, *self.arguments])
-            raise UserError(f"{given}: expected {_NUMBERS[self.request]}")
+            raise UserError(f"{given}: expected {_NUMBERS[self.request]}, at most {_LARGEST}")
         return found
 
     def expect_request(self) -> None:

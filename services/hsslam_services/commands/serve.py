@@ -1,4 +1,4 @@
-"""`hsslam-serve`: runs the service; imports little, so that an early Ctrl-C prints no traceback."""
+"""`hsslam-serve`: runs the service; imports little, so that an early signal prints no traceback."""
 
 import os
 import signal
@@ -10,6 +10,8 @@ _ONLY_MINE = 0o077  # folders 0700, files 0600
 
 def main() -> None:
     """Run the command; its exit codes are those of `ExitCode`."""
+    # without a handler, the kernel drops a SIGTERM to the first process of a container
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         from hsslam_services.commands.cli import exit_code
 
@@ -22,7 +24,8 @@ def _serve() -> int:
     try:
         if sys.argv[1:2] == ["warm-up"]:
             # no exception: the compiler catches some, and goes on
-            signal.signal(signal.SIGINT, lambda *_: _interrupted())
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, lambda *_: _interrupted())
             from hsslam_services.commands.warm_up import warm_up_command
 
             return warm_up_command(sys.argv[2:])
@@ -45,7 +48,7 @@ def _serve() -> int:
 
 
 def _interrupted() -> NoReturn:
-    """End after a Ctrl-C before a run, in warm-up or in rescue; later the supervisor handles signals.
+    """End after a signal before a run, in warm-up or in rescue; later the supervisor handles signals.
 
     It uses `os._exit`, as a SIGINT while Python executes generated code (a dataclass) would kill Python.
     """

@@ -90,11 +90,11 @@ class MapReset:
             next(self._steps)
         except StopIteration:
             self._steps = None
-        except OSError as error:
+        except Exception as error:  # of any kind: else no process tracks or maps again
             self._steps = None
             self._go_on()
             self._pause.release()
-            self._answer(f"{error.strerror or error}; the map stays")
+            self._answer(f"{getattr(error, 'strerror', None) or error}; the map stays")
 
     def close(self) -> None:
         """End a reset in progress."""

@@ -13,21 +13,27 @@ import numpy as np
 from hsslam_node.durable_file import write_durably
 from hsslam_services.run.process_result import python_number
 
-_FILE = "summary.json"
+_FILE, _DAMAGED_FILE = "summary.json", "summary.damaged.json"
 _LOST, _DEAD_RECKONED = 2, 3  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
 
 def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
-    """Merge a section into the file; nested mappings are merged key by key."""
-    merged = _merged(read_summary(run_dir), section)
+    """Merge a section into the file; nested mappings are merged key by key.
+
+    A file that is damaged, as by an editor or a full disk, is kept as summary.damaged.json.
+    """
+    known = _read(run_dir / _FILE)
+    if known is None:
+        (run_dir / _FILE).replace(run_dir / _DAMAGED_FILE)
+    merged = _merged(known or {}, section)
     encoded = msgspec.json.encode(merged, enc_hook=python_number)
     write_durably(run_dir / _FILE, msgspec.json.format(encoded))
 
 
 def read_summary(run_dir: Path) -> dict[str, Any]:
-    """The summary so far; empty if there is none."""
-    return read_json(run_dir / _FILE)
+    """The summary so far; empty if there is none, or if it is damaged."""
+    return _read(run_dir / _FILE) or {}
 
 
 def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
@@ -66,9 +72,14 @@ def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
     return section
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object; empty if there is no such file."""
-    return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
+def _read(path: Path) -> dict[str, Any] | None:
+    """The JSON object in a file; empty if there is no such file, None if it has anything else."""
+    if not path.exists():
+        return {}
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except msgspec.MsgspecError:
+        return None
 
 
 def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

@@ -67,6 +67,12 @@ def test_a_full_disk_is_one_line(command):
     assert (done.returncode, done.stderr) == (1, told)
 
 
+def test_a_message_that_cannot_be_written_does_not_change_the_code():
+    program = _TELLS.format("open('x' * 300)")
+    with Path("/dev/full").open("w") as full:
+        assert subprocess.call([sys.executable, "-c", program], stderr=full) == 2
+
+
 def test_streams_that_are_closed_go_nowhere_also_those_of_child_processes():
     tells = "[print(1), print(2, file=sys.stderr), sys.stdin.read()]"
     child = (

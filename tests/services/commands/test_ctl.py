@@ -47,6 +47,10 @@ _OF_RUN = ("camera", "recorder")
         (("query", "1", "2"), "query 1 2: expected query X Y Z"),
         (("query", "1", "2", "east"), "query 1 2 east: expected query X Y Z in metres"),
         (("query", "1", "-2", "nan"), "query 1 -2 nan: expected query X Y Z in metres"),
+        (
+            ("query", "1", "-2", "1e300"),
+            "query 1 -2 1e300: expected query X Y Z in metres, at most 1000000",
+        ),
         (("query", "-x", "2", "1"), "-x: unknown option"),
         (("locate", "1", "2"), "locate 1 2: expected locate X Y YAW"),
         (("locate", "1", "2", "n"), "locate 1 2 n: expected locate X Y YAW in metres and degrees"),

@@ -1,6 +1,8 @@
 """The main job end to end: what a run leaves, and what it leaves nothing of."""
 
 import signal
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +24,16 @@ from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
+_TERMINATED = """
+import os, signal
+from hsslam_services.commands import serve, serve_command_line
+parse = serve_command_line.parse_command_line
+def terminated(arguments):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return parse(arguments)
+serve_command_line.parse_command_line = terminated
+serve.main()
+"""
 _PROCESSES = [
     spec for spec in PROCESSES if spec.exists(has_camera=True, has_ros2_out=False, has_grid=False)
 ]
@@ -105,6 +117,18 @@ def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
     assert run.finish() == 0, run.stderr
     assert "Traceback" not in run.stderr
     run.expect_nothing_left()
+
+
+def test_a_sigterm_to_the_first_process_of_a_container_ends_its_start(tmp_path: Path):
+    """The kernel drops it if that process has no handler."""
+    alone = ("unshare", "--pid", "--fork", "--mount-proc", "--kill-child")
+    if subprocess.run([*alone, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("this user may not make a process namespace")
+    out = tmp_path / "run"
+    command = [sys.executable, "-c", _TERMINATED, *SMALL_ROOM, "--frames", "5", "--out", str(out)]
+    done = subprocess.run([*alone, *command], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert not out.exists()
 
 
 def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(serve):

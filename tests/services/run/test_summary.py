@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from hsslam_node.map.pose_log import LOST, POSE_ROW, TRACKED
 from hsslam_services.run.summary import (
@@ -20,6 +21,15 @@ def test_sections_merge_key_by_key(tmp_path: Path):
     update_summary(tmp_path, {"frames": {"tracked": 3}, "seed": 1})
     update_summary(tmp_path, {"frames": {"in": 4}, "seed": 2})
     assert read_summary(tmp_path) == {"frames": {"tracked": 3, "in": 4}, "seed": 2}
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"frames": '])
+def test_a_damaged_file_is_kept_and_costs_no_section(tmp_path: Path, content: str):
+    (tmp_path / "summary.json").write_text(content)
+    assert read_summary(tmp_path) == {}
+    update_summary(tmp_path, {"seed": 1})
+    assert read_summary(tmp_path) == {"seed": 1}
+    assert (tmp_path / "summary.damaged.json").read_text() == content
 
 
 def test_rate_and_latency_leave_out_the_first_pose():

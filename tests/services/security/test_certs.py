@@ -46,6 +46,8 @@ def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(
         ("", "no folder: expected hsslam-certs DIR"),
         ("x --days 0", "--days 0: expected 1 to 3650"),
         ("x --host a_b", "--host a_b: expected names or addresses"),
+        ("x --host 10.0.0.7:7447", "--host 10.0.0.7:7447: expected names or addresses, without"),
+        ("x --host a..b", "--host a..b: expected names or addresses"),
         ("x --hots a", "--hots: unknown option; did you mean --host?"),
     ],
 )
