@@ -131,9 +131,9 @@ def has_names(*choices: tuple[str, ...]) -> Callable[[Path], bool]:
     return lambda path: any(all((path / name).exists() for name in names) for names in choices)
 
 
-def has_files(pattern: str) -> Callable[[Path], bool]:
-    """For `looks_like`: a folder with a file whose name fits the pattern."""
-    return lambda path: path.is_dir() and any(path.glob(pattern))
+def has_files(*patterns: str) -> Callable[[Path], bool]:
+    """For `looks_like`: a folder with a file for each of the patterns."""
+    return lambda path: path.is_dir() and all(any(path.glob(each)) for each in patterns)
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:

@@ -7,6 +7,7 @@ from typing import ClassVar
 from hsslam_node.errors import UserError
 
 _MOST = 1e6  # cores, GB, ratio
+_LEAST_CPUS = 1e-4  # Ray counts no smaller parts of a core
 
 
 @dataclass(frozen=True)
@@ -150,8 +151,8 @@ class RunOptions:
     """File NAME.prom for the textfile collector of node_exporter, written every 15 s."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.cpus < _MOST:
-            raise UserError(f"--cpus {self.cpus:g}: expected cores, above 0")
+        if not _LEAST_CPUS <= self.cpus < _MOST:
+            raise UserError(f"--cpus {self.cpus:g}: expected cores, {_LEAST_CPUS:g} or more")
         if self.retries < 0:
             raise UserError(f"--retries {self.retries}: expected 0 or more")
         if self.metrics_file is not None and self.metrics_file.suffix != ".prom":

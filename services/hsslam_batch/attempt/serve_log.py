@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import platform
+import secrets
 import shutil
 import sys
 import time
@@ -69,9 +70,10 @@ class Place:
 
 
 def place_of(batch: Batch, log: Log, terms: Terms) -> Place:
-    """The folders of an attempt; all attempts at a log fetch into one folder, which no other batch uses."""
+    """The folders of an attempt, which has its folder for itself: two may run at once, as if a job is queued
+    again. All attempts at a log fetch into one folder, which no other batch uses."""
     fetched = (terms.scratch or batch.work) / f"{batch.key}.{log.id}.log"
-    return Place(batch.work / f"{log.id}.{terms.attempt}", fetched)
+    return Place(batch.work / f"{log.id}.{terms.attempt}.{secrets.token_hex(4)}", fetched)
 
 
 def serve_log(
@@ -88,7 +90,6 @@ def serve_log(
         OSError: the folder of the batch cannot be written.
     """
     place = place_of(batch, log, terms)
-    shutil.rmtree(place.folder, ignore_errors=True)
     place.folder.mkdir(parents=True)
     try:
         with contextlib.ExitStack() as at_end:

@@ -35,7 +35,8 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
             f"--address {address}: {reason}: expected local, auto (a cluster of this machine), "
-            "HOST:PORT or ray://HOST:PORT"
+            "HOST:PORT or ray://HOST:PORT (with RAY_AUTH_MODE=token in the environment if the cluster wants "
+            "a token)"
         ) from None
     try:
         with _stdout_in(messages):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import ray
-from ray.exceptions import RayError, RayTaskError
+from ray.exceptions import ActorDiedError, RayError, RayTaskError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from hsslam_batch.cluster.board import Board, Running
@@ -22,7 +22,6 @@ _LOST = {
     "WorkerCrashedError": "its worker process died",
     "NodeDiedError": "its node died",
     "OutOfMemoryError": "its node ran out of memory, and Ray killed it",
-    "ActorDiedError": "the board of the batch died",
 }
 
 
@@ -117,6 +116,8 @@ class RayPool:
         try:
             return ray.get(ref)
         except RayTaskError as error:
+            if isinstance(error.cause, ActorDiedError):  # no log can start without it
+                return TaskResult(trouble="the board of the batch died", is_begun=False)
             trouble, is_lost = f"task failed: {error.cause!r}", False
         except RayError as error:
             kind = type(error).__name__

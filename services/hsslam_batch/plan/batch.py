@@ -7,7 +7,7 @@ OUT/runs/ID/            the run folder of a log; its row `_DONE.json` is written
 OUT/rrd/ID.rrd          its recording for rerun
 OUT/failed/ID.json      the row of a log that has no result
 OUT/ray.log             what Ray prints while the batch runs
-OUT/.work/ID.N/         the N-th attempt at a log, while it runs
+OUT/.work/ID.N.RANDOM/  the N-th attempt at a log, while it runs
 
 If OUT is in a store, each machine has a folder with a copy of the plan and the attempts that run there.
 """
@@ -23,6 +23,7 @@ from urllib.parse import unquote, urlsplit
 import msgspec
 
 from hsslam_batch.plan.code import code_digest, code_name
+from hsslam_batch.plan.listing import BATCH_FILE, MANIFEST
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_batch.plan.store import Store
 from hsslam_node.durable_file import write_durably
@@ -33,8 +34,6 @@ from hsslam_services.run.config_file import CONFIG_FILE, config_text
 from hsslam_services.run.options import ServeOptions
 
 DONE = "_DONE.json"
-MANIFEST = "manifest.parquet"
-_FILE = "batch.json"
 _DIGEST_BYTES = 8
 
 
@@ -178,8 +177,8 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
     text, code = config_text(options), code_digest()
     batch = Batch(out, BatchFile(_digest(f"{code}\n{text}"), code_name(), logs, code), url)
     write_durably(batch.config, text.encode())
-    write_durably(out / _FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
-    for name in (MANIFEST, CONFIG_FILE, _FILE):
+    write_durably(out / BATCH_FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
+    for name in (MANIFEST, CONFIG_FILE, BATCH_FILE):
         batch.publish(name)
     return batch
 
@@ -207,7 +206,7 @@ def mirrored_batch(out: str) -> Batch:
 
 
 def _copy_plan(store: Store, folder: Path) -> None:
-    names = (MANIFEST, CONFIG_FILE, _FILE)
+    names = (MANIFEST, CONFIG_FILE, BATCH_FILE)
     try:
         found = store.read_all(names)
     except OSError as error:
@@ -229,11 +228,13 @@ def _copy_plan(store: Store, folder: Path) -> None:
 
 def _batch_in(out: Path, url: str) -> Batch:
     try:
-        about = msgspec.json.decode((out / _FILE).read_bytes(), type=BatchFile)
+        about = msgspec.json.decode((out / BATCH_FILE).read_bytes(), type=BatchFile)
     except OSError as error:
         raise UserError(
-            f"{out / _FILE}: {error.strerror}: expected a folder of hsslam-batch plan"
+            f"{out / BATCH_FILE}: {error.strerror}: expected a folder of hsslam-batch plan"
         ) from None
     except msgspec.MsgspecError as error:
-        raise UserError(f"{out / _FILE}: {error}: expected a file of hsslam-batch plan") from None
+        raise UserError(
+            f"{out / BATCH_FILE}: {error}: expected a file of hsslam-batch plan"
+        ) from None
     return Batch(out, about, url)

@@ -1,6 +1,7 @@
 """`hsslam-batch plan`: finds logs, checks the options of their runs, writes manifest and configuration."""
 
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -64,7 +65,7 @@ def plan_command(args: Sequence[str]) -> None:
         print(f"{unknown} of them: number of frames not known before the run")
     about = batch.about
     print(f"configuration {about.configuration}, code {about.code} ({about.digest})")
-    print(f"next: hsslam-batch run {options.out}")
+    print(f"next: hsslam-batch run {shlex.quote(options.out)}")
 
 
 def run_options(serve_args: Sequence[str]) -> ServeOptions:

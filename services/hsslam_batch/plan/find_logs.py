@@ -103,7 +103,7 @@ def _frames(log: Log, options: SourceOptions) -> int:
         if log.kind == _LOG:
             return len(options.selected(_logged_frames(Path(log.place))))
         return open_any_source(log.source, options).frame_count or 0
-    except UserError:
+    except (UserError, OSError):
         return 0  # the run will report the error
 
 

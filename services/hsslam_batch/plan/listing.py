@@ -1,14 +1,17 @@
 """Lists the files below a folder with size and time of change, so that names alone decide what is a log."""
 
+import errno
 import fnmatch
 import hashlib
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from hsslam_node.errors import UserError
 
+BATCH_FILE, MANIFEST = "batch.json", "manifest.parquet"  # in the folder of every batch
 _DIGEST_BYTES = 8
 
 
@@ -108,10 +111,11 @@ def list_folder(root: Path, without: str) -> Listing:
     """All files below a folder of this machine, except hidden ones and those below the folder `without`.
 
     Symbolic links to folders are not followed, except in the paths `root` and `without` themselves. If `root`
-    is a file, the listing has that file alone.
+    is a file, the listing has that file alone. It leaves out other batches, and what this user may not see,
+    each with a warning.
 
     Raises:
-        UserError: the folder is missing or not readable.
+        UserError: the folder is missing or not readable, or the file system fails.
     """
     try:
         if root.is_file():
@@ -121,13 +125,45 @@ def list_folder(root: Path, without: str) -> Listing:
         raise UserError(f"{root}: {error.strerror}: expected a folder with logs") from None
     files = {}
     own = root / os.path.relpath(os.path.realpath(without), os.path.realpath(root))
-    for folder, folders, names in os.walk(root):
+    for folder, folders, names in os.walk(root, onerror=_leave_out):
         here = Path(folder)
         folders[:] = sorted(n for n in folders if n[0] != "." and here / n != own)
         for name in sorted(names):
-            if name[0] != "." and (here / name).is_file():
-                files[(here / name).relative_to(root).as_posix()] = _stamp(here / name)
-    return Listing(str(root), files)
+            if name[0] != "." and (stamp := _stamp_of_file(here / name)):
+                files[(here / name).relative_to(root).as_posix()] = stamp
+    return Listing(str(root), without_batches(str(root), files))
+
+
+def without_batches(root: str, files: Mapping[str, FileStamp]) -> dict[str, FileStamp]:
+    """The files that are not in the folders of batches below the root: their results are no recordings."""
+    marked = (path.rpartition("/")[0] for path in files if path.endswith(f"/{BATCH_FILE}"))
+    batches = [folder for folder in marked if f"{folder}/{MANIFEST}" in files]
+    for folder in batches:
+        print(f"warning: {root}/{folder}: left out: the folder of a batch", file=sys.stderr)
+    below = tuple(f"{folder}/" for folder in batches)
+    return {path: stamp for path, stamp in files.items() if not path.startswith(below)}
+
+
+def _stamp_of_file(path: Path) -> FileStamp | None:
+    """None for what is no file, and for a file that is gone or that this user may not see."""
+    try:
+        return _stamp(path) if path.is_file() else None
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        _leave_out(error)
+        return None
+
+
+def _leave_out(error: OSError) -> None:
+    """Warn of a file or folder that this user may not see; another error ends the plan, else it loses logs.
+
+    Raises:
+        UserError: the file system fails.
+    """
+    if error.errno != errno.EACCES:
+        raise UserError(f"{error.filename}: {error.strerror}: expected a folder that can be read")
+    print(f"warning: {error.filename}: left out: {error.strerror}", file=sys.stderr)
 
 
 def _stamp(path: Path) -> FileStamp:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hsslam_batch.plan.listing import FileStamp, Listing
+from hsslam_batch.plan.listing import FileStamp, Listing, without_batches
 from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError
 
@@ -66,6 +66,7 @@ def asked_listing(url: str, without: str = "") -> Listing:
         for name, stamp in files.items()
         if name and not any(part.startswith(".") for part in name.split("/"))
     }
+    shown = without_batches(root, shown)
     if not shown:
         raise UserError(f"{url}: no files below: expected logs")
     return Listing(root, shown, alone)

@@ -33,7 +33,12 @@ SERVICE_SOURCES = (
         about="[a ROS bag](#ros-bags): of ROS 2 (`metadata.yaml`, `.mcap`, `.db3`) or ROS 1 (`.bag`)",
         opener="hsslam_services.camera.bag_source:BagSource",
         camera_options=("depth_scale",),
-        looks_like=either(has_files("metadata.yaml"), has_suffix(".bag"), has_suffix(".db3")),
+        looks_like=either(
+            has_files("metadata.yaml", "*.mcap*"),
+            has_files("metadata.yaml", "*.db3*"),
+            has_suffix(".bag"),
+            has_suffix(".db3"),
+        ),
         only_forwards=True,
     ),
     _LOG,

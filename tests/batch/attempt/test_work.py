@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,12 @@ def _work(batch: Batch, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=_LONG_S)
 
 
+def _work_twice_at_once(batch: Batch, *options: str) -> list[subprocess.CompletedProcess[str]]:
+    """As if a job array is submitted twice."""
+    with ThreadPoolExecutor() as threads:
+        return list(threads.map(lambda _: _work(batch, *options), range(2)))
+
+
 def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     bad, good = read_manifest(batch.out)
     failed = _work(batch, "--index", str(bad.index))
@@ -46,9 +53,10 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     outcome = settled(batch, bad.id)
     assert outcome and outcome.kind == "bad input" and "not an MCAP file" in outcome.reason
 
-    done = _work(batch, "--index", str(good.index), "--memory", "6", "--timeout", "900")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "b-good: done, 6 of 6 frames tracked\n"
+    limits = ("--memory", "6", "--timeout", "900")
+    for done in _work_twice_at_once(batch, "--index", str(good.index), *limits):
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == "b-good: done, 6 of 6 frames tracked\n"
     serve = [sys.executable, "-m", "hsslam_services.commands.serve", "--source", good.source]
     by_hand = [*serve, "--out", str(tmp_path / "hand"), "--pace", "lockstep", *QUICK]
     subprocess.run([*by_hand, "--viewer", "none"], check=True, capture_output=True, timeout=_LONG_S)

@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 import pytest
+import ray
 
 from hsslam_batch.attempt.outcome import Outcome, Refused
 from hsslam_batch.cluster.connect import connected
@@ -96,3 +97,18 @@ def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path:
         pool = RayPool(perform_command, lambda one: ["echo", line], share, None)
         drive([Try(0)], pool, lambda _, result: refusals.append(result), lambda: False)
         assert [(one.trouble, one.is_begun) for one in refusals] == [("other code", False)]
+
+
+def test_the_death_of_the_board_costs_no_log(cluster, tmp_path: Path):
+    add_node(cluster)
+    with connected(cluster.address):
+        pool = RayPool(_task(tmp_path), lambda one: [str(one.attempt)], Share(1.0, 1.0), None)
+        ray.kill(pool.board)
+        pool.start(Try(5))
+        ended: list[tuple[Try, TaskResult]] = []
+        while pool.is_busy():
+            ended += pool.ended(0.5)
+        pool.close()
+    ((_, result),) = ended
+    assert (result.is_begun, result.trouble) == (False, "the board of the batch died")
+    assert not list(tmp_path.iterdir())

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,42 @@ def test_files_named_like_runs_are_logs_of_their_own(tmp_path: Path):
         shutil.copy(log, tmp_path / "week" / name)
     names = [log.name for log in _found(tmp_path / "week")]
     assert names == ["run_monday.mcap", "run_tuesday.mcap"]
+
+
+def test_the_results_of_another_batch_are_no_recordings(recordings: Path, capsys):
+    other = recordings / "batch"
+    for name in ("batch.json", "manifest.parquet"):
+        (other / name).touch()
+    assert [log.name for log in _found(recordings)] == [
+        log.name for log in _found(recordings, without=other)
+    ]
+    assert f"warning: {other}: left out: the folder of a batch" in capsys.readouterr().err
+
+
+def test_what_this_user_may_not_see_is_left_out_with_a_warning(recordings: Path, capsys):
+    whole = [log.name for log in _found(recordings)]
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder, "recordings")
+        shutil.copytree(recordings, root)
+        for path, mode in ((Path(folder), 0o755), (root / "day1", 0), (root / "loose.mcap", 0)):
+            path.chmod(mode)
+        own = os.geteuid()
+        if own == 0:  # root may see everything
+            os.seteuid(54321)
+        try:
+            found = list(with_frames(_found(root), SourceOptions()))
+        finally:
+            os.seteuid(own)
+        (root / "day1").chmod(0o700)
+    assert [log.name for log in found] == [name for name in whole if name[:4] != "day1"]
+    assert [log.frames for log in found if log.name == "loose.mcap"] == [0]
+    assert f"warning: {root / 'day1'}: left out: Permission denied" in capsys.readouterr().err
+
+
+def test_a_folder_with_a_description_is_no_bag(recordings: Path):
+    whole = [log.name for log in _found(recordings)]
+    (recordings / "day2" / "metadata.yaml").write_text("a: data set")
+    assert [log.name for log in _found(recordings)] == whole
 
 
 def test_nothing_to_find_is_one_line(tmp_path: Path):
