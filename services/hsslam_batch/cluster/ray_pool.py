@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import ray
-from ray.exceptions import ActorDiedError, RayError, RayTaskError
+from ray.exceptions import ActorDiedError, RayError, RayTaskError, TaskCancelledError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from hsslam_batch.cluster.board import Board, Running
@@ -108,8 +108,13 @@ class RayPool:
         return {}
 
     def close(self) -> None:
-        """Let no further task start."""
+        """Let no further task start; cancel those that wait, for which there may never be a node again."""
         self.board.close.remote()
+        with contextlib.suppress(RayError):  # without the board, none is known to wait
+            begun = ray.get(self.board.running.remote(), timeout=_ANSWER_S)
+            for ref, one in self._submitted.items():
+                if one.index not in begun:
+                    ray.cancel(ref)
 
     def _result(self, ref: Any, one: Try) -> TaskResult:
         ended = self.board.end.remote(one.index)  # only a task without a result needs the answer
@@ -119,6 +124,8 @@ class RayPool:
             if isinstance(error.cause, ActorDiedError):  # no log can start without it
                 return TaskResult(trouble="the board of the batch died", is_begun=False)
             trouble, is_lost = f"task failed: {error.cause!r}", False
+        except TaskCancelledError:
+            return TaskResult(is_begun=False)
         except RayError as error:
             kind = type(error).__name__
             trouble, is_lost = _LOST.get(kind, kind), True

@@ -112,3 +112,22 @@ def test_the_death_of_the_board_costs_no_log(cluster, tmp_path: Path):
     ((_, result),) = ended
     assert (result.is_begun, result.trouble) == (False, "the board of the batch died")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_task_that_waits_for_a_node_does_not_delay_a_stop(cluster, tmp_path: Path):
+    node = add_node(cluster)
+    with connected(cluster.address):
+        pool = RayPool(_task(tmp_path), lambda one: [str(one.attempt)], Share(1.0, 1.0), None)
+        pool.start(Try(2))  # waits for ever
+        while not (tmp_path / "2.1").exists():
+            list(pool.ended(0.1))
+        pool.start(Try(3))
+        pool.close()
+        ended: list[tuple[Try, TaskResult]] = []
+        while not ended:
+            ended += pool.ended(0.5)
+        assert [(one.index, result.is_begun) for one, result in ended] == [(3, False)]
+        cluster.remove_node(node, allow_graceful=False)
+        while pool.is_busy():
+            ended += pool.ended(0.5)
+    assert [(one.index, result.is_lost) for one, result in ended[1:]] == [(2, True)]
