@@ -1,4 +1,4 @@
-"""PNG images of cameras and logs, read in 0.4 to 0.8 of the time of OpenCV's reader."""
+"""PNG images of cameras and logs, read in 0.3 to 0.8 of the time of OpenCV's reader."""
 
 from collections.abc import Iterator
 

@@ -27,11 +27,6 @@ def unfilter(rows, step, out):
         if kind == _NONE:
             for i in range(width):
                 here[i] = row[i]
-        elif kind == _SUB:
-            for i in range(step):
-                here[i] = row[i]
-            for i in range(step, width):
-                here[i] = row[i] + here[i - step]
         elif kind == _UP:
             for i in range(width):
                 here[i] = row[i] + above[i]
@@ -40,16 +35,38 @@ def unfilter(rows, step, out):
                 here[i] = row[i] + (above[i] >> 1)
             for i in range(step, width):
                 here[i] = row[i] + ((np.int32(here[i - step]) + np.int32(above[i])) >> 1)
-        elif kind == _PAETH:
+        elif kind == _SUB or kind == _PAETH:
             pixels = (width // step, step)
             row, above, here = row.reshape(pixels), above.reshape(pixels), here.reshape(pixels)
-            if step == 3:
+            if kind == _SUB and step == 3:
+                _unfilter_sub_of_three(row, here)
+            elif kind == _SUB:
+                _unfilter_sub_of_two(row, here)
+            elif step == 3:
                 _unfilter_paeth_of_three(row, above, here)
             else:
                 _unfilter_paeth_of_two(row, above, here)
         else:
             return False
     return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unfilter_sub_of_three(row, here):
+    """Pixels of three bytes [W, 3]; sums stay in registers, as memory is slower than an addition."""
+    sum_0 = sum_1 = sum_2 = np.uint8(0)
+    for p in range(len(here)):
+        sum_0, sum_1, sum_2 = sum_0 + row[p, 0], sum_1 + row[p, 1], sum_2 + row[p, 2]
+        here[p, 0], here[p, 1], here[p, 2] = sum_0, sum_1, sum_2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unfilter_sub_of_two(row, here):
+    """The same for pixels of two bytes [W, 2]."""
+    sum_0 = sum_1 = np.uint8(0)
+    for p in range(len(here)):
+        sum_0, sum_1 = sum_0 + row[p, 0], sum_1 + row[p, 1]
+        here[p, 0], here[p, 1] = sum_0, sum_1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
