@@ -9,7 +9,8 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
-_STAMPS = 1 << 63
+_STAMPS = range(1 << 63)
+_MOST_UNITS_PER_M = 1e9
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Frame:
     """
 
     index: int
-    stamp_ns: int  # of 64 bits
+    stamp_ns: int  # from 0 on, of 64 bits
     camera: Camera
     color: np.ndarray  # [H, W, 3] uint8, RGB
     depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement
@@ -31,8 +32,10 @@ class Frame:
     imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
-        if not -_STAMPS <= self.stamp_ns < _STAMPS:
-            raise UserError(f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected an int64")
+        if self.stamp_ns not in _STAMPS:
+            raise UserError(
+                f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 0 to {_STAMPS[-1]}"
+            )
         if self.camera.has_lens:
             raise UserError(
                 f"frame {self.index}: camera.distortion = {list(self.camera.distortion)}: expected none: "
@@ -41,9 +44,10 @@ class Frame:
         size = (self.camera.height_px, self.camera.width_px)
         _expect("color", self.color, (*size, 3), np.uint8, self.index)
         _expect("depth_raw", self.depth_raw, size, np.uint16, self.index)
-        if not (np.isfinite(self.depth_units_per_m) and self.depth_units_per_m > 0):
+        if not 0 < self.depth_units_per_m <= _MOST_UNITS_PER_M:
             raise UserError(
-                f"frame {self.index}: depth_units_per_m = {self.depth_units_per_m}: expected > 0"
+                f"frame {self.index}: depth_units_per_m = {self.depth_units_per_m}: expected more than 0, "
+                f"{_MOST_UNITS_PER_M:g} at most"
             )
 
     def depth_m(self) -> np.ndarray:

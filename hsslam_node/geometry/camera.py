@@ -10,6 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 
 FAR_OFF_CENTRE = 0.12  # of width or height: intrinsics of another image size or camera
+_LARGEST_PX, _LARGEST_COEFFICIENT = 1e6, 1e4  # more is no camera
 _SAME_PX = 1.0  # focal lengths and centres of one camera
 _SAME_SCALE = 1e-6  # relative: some cameras report seven digits of a depth scale
 LensModel = Literal["opencv", "equidistant"]
@@ -20,7 +21,7 @@ _LENSES: dict[str, tuple[tuple[int, ...], str]] = {  # numbers of coefficients, 
 
 
 def expect_lens(field: str, distortion: Sequence[float], model: str = "opencv") -> None:
-    """Checks the number of lens coefficients of a model, and that they are finite.
+    """Checks the number of lens coefficients of a model, and that they are as small as those of lenses.
 
     Raises:
         UserError: names the field, its value, and what the model expects.
@@ -28,11 +29,12 @@ def expect_lens(field: str, distortion: Sequence[float], model: str = "opencv") 
     if model not in _LENSES:
         raise UserError(f"{field}_model = {model!r}: expected {' or '.join(_LENSES)}")
     counts, names = _LENSES[model]
-    if len(distortion) not in counts or not all(map(math.isfinite, distortion)):
+    is_small = all(abs(number) <= _LARGEST_COEFFICIENT for number in distortion)  # none is nan
+    if len(distortion) not in counts or not is_small:
         expected = " or ".join(map(str, counts))
         raise UserError(
-            f"{field} = {list(distortion)} ({len(distortion)} numbers): expected {expected} finite numbers "
-            f"of lens model {model}, {names}"
+            f"{field} = {list(distortion)} ({len(distortion)} numbers): expected {expected} numbers up to "
+            f"{_LARGEST_COEFFICIENT:g} of lens model {model}, {names}"
         )
 
 
@@ -45,8 +47,8 @@ class Camera:
     undistorted and carry `()`.
 
     Raises:
-        UserError: a size or focal length is not positive, a number is not finite, or the lens model has
-            another number of coefficients.
+        UserError: a size or focal length is not positive, a number is not finite or absurdly large, or the
+            lens model has another number of coefficients.
     """
 
     width_px: int
@@ -61,8 +63,8 @@ class Camera:
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            if not math.isfinite(value):
-                raise UserError(f"camera.{name} = {value}: expected a finite number of pixels")
+            if not abs(value) <= _LARGEST_PX:  # also if it is nan
+                raise UserError(f"camera.{name} = {value}: expected at most {_LARGEST_PX:g} pixels")
         for name in ("width_px", "height_px", "fx", "fy"):
             value = getattr(self, name)
             if value <= 0:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, InvalidOperation, Overflow
 from pathlib import Path
 
 import numpy as np
@@ -113,12 +113,15 @@ def parse_stamp_ns(text: str) -> int:
         ValueError: not a finite number, or more than int64 holds.
     """
     try:
-        stamp_ns = int((Decimal(text) * 1_000_000_000).to_integral_value())
-    except (InvalidOperation, OverflowError, ValueError):
+        stamp_ns = (Decimal(text) * 1_000_000_000).to_integral_value()
+        fits = -(2**63) <= stamp_ns < 2**63
+    except Overflow:
+        fits = False
+    except InvalidOperation:  # no number, or nan
         raise ValueError(f"{text!r} is not a time in seconds") from None
-    if not -(2**63) <= stamp_ns < 2**63:
+    if not fits:  # and may be too long for an `int`
         raise ValueError(f"{text!r}: expected seconds that fit int64 nanoseconds")
-    return stamp_ns
+    return int(stamp_ns)
 
 
 def format_stamp(stamp_ns: int) -> str:

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import ImuReading
 
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
+_FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e5  # ten times what sensors measure: more is no reading
 _STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: samples out of order
 
 
@@ -57,7 +59,16 @@ class ImuTrack:
 
         angular_velocity: [3] rad/s, axes of the IMU.
         acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
+
+        Raises:
+            UserError: a number is not finite, or larger than any sensor measures.
         """
+        is_turn = np.abs(angular_velocity).max() <= _FASTEST_RAD_S  # false if one is nan
+        if not (is_turn and np.abs(acceleration).max() <= _STRONGEST_M_S2):
+            raise UserError(
+                f"imu: angular velocity {angular_velocity} rad/s, acceleration {acceleration} m/s^2: "
+                f"expected at most {_FASTEST_RAD_S:g} and {_STRONGEST_M_S2:g}"
+            )
         newest = self._states[-1] if self._states else None
         back_s = -np.inf if newest is None else 1e-9 * (newest.stamp_ns - stamp_ns)
         if 0 <= back_s <= _STEP_BACK_S:

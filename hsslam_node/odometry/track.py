@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
@@ -19,6 +20,8 @@ _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
 _SPEED_OVER_S = 0.05  # span of the motion that is extrapolated, as messages come in bursts
 _STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: messages out of order
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
+_FARTHEST_M = 1e8  # from the origin of odom: more is no reading; UTM has 1e7
+_LARGEST_VARIANCE = 1e12  # m^2, rad^2: whatever is larger says the same
 _BURST_S = 0.02  # least time for a speed, as stamps of receipt come in bursts
 
 
@@ -63,10 +66,18 @@ class OdometryTrack:
         """Take a pose [4, 4]; False if its stamp is 0 to 1 s before the newest.
 
         covariance: [6, 6] of translation (m) and of rotation (rad) about the base's centre, axes of odom.
+
+        Raises:
+            UserError: the position is not finite, or farther away than any on Earth.
         """
+        if not np.abs(T_odom_base[:3, 3]).max() <= _FARTHEST_M:  # also if one is nan
+            raise UserError(
+                f"odometry: position {T_odom_base[:3, 3]}: expected at most {_FARTHEST_M:g} m"
+            )
         T = T_odom_base @ self._T_base_cam
         back_s = 1e-9 * (self._poses[-1].stamp_ns - stamp_ns) if self._poses else -np.inf
         base_covariance = np.zeros((6, 6)) if covariance is None else covariance
+        base_covariance = base_covariance.clip(-_LARGEST_VARIANCE, _LARGEST_VARIANCE)
         if not self._poses:
             self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
         elif back_s > _STEP_BACK_S:

@@ -35,7 +35,7 @@ def unfilter(rows, step, out):
                 here[i] = row[i] + (above[i] >> 1)
             for i in range(step, width):
                 here[i] = row[i] + ((np.int32(here[i - step]) + np.int32(above[i])) >> 1)
-        elif kind == _SUB or kind == _PAETH:
+        elif kind in (_SUB, _PAETH):
             pixels = (width // step, step)
             row, above, here = row.reshape(pixels), above.reshape(pixels), here.reshape(pixels)
             if kind == _SUB and step == 3:

@@ -13,6 +13,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_replica_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader, read_matrices
 from hsslam_node.sources.options.source import SourceOptions
 
@@ -98,7 +99,7 @@ class ReplicaFolder:
             raise UserError(f"{self.path}: no frames: expected {expected}")
         return [
             (
-                round(number * 1e9 / RATE_HZ),
+                numbered_stamp_ns(number, RATE_HZ),
                 color.get(number, self.path / names[0].format(number)),
                 depth.get(number, self.path / names[1].format(number)),
             )

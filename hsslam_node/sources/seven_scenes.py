@@ -13,6 +13,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
+from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, IsLate
@@ -89,7 +90,7 @@ def _pairs(folder: Path) -> list[ImagePair]:
         )
     return [
         (
-            round(int(number) * 1e9 / RATE_HZ),
+            numbered_stamp_ns(int(number), RATE_HZ),
             folder / f"frame-{number}.color.png",
             folder / f"frame-{number}.depth.png",
         )

@@ -14,6 +14,11 @@ from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_proto import messages
 from hsslam_proto.pose_codec import covariance_matrix, wire_covariance
+from hsslam_proto.topics import FRAME
+
+_BYTES_A_PIXEL = 5  # of colour and depth
+_OTHER_BYTES = 1 << 16  # room for the other fields
+LARGEST_IMAGE_PX = (FRAME.size_limit_bytes - _OTHER_BYTES) // _BYTES_A_PIXEL
 
 
 def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.Frame:

@@ -14,7 +14,8 @@ Quaternion = tuple[Real, Real, Real, Real]
 Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 FrameIndex = Annotated[int, Meta(ge=0, le=LARGEST_INDEX)]
 StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-SizePx = Annotated[int, Meta(ge=1, le=8192)]
+LARGEST_SIDE_PX = 8192
+SizePx = Annotated[int, Meta(ge=1, le=LARGEST_SIDE_PX)]
 LONGEST_NAME, MOST_FIGURES = 64, 256
 Name = Annotated[str, Meta(max_length=LONGEST_NAME)]
 Text = Annotated[str, Meta(max_length=4096)]

@@ -19,9 +19,9 @@ def test_images_with_a_lens_are_refused(lens, model):
     assert replace(frame, camera=replace(frame.camera, distortion=(0.0,) * 4)).index == 3
 
 
-@pytest.mark.parametrize("stamp_ns", [1 << 63, -(1 << 63) - 1])
-def test_stamps_have_64_bits(stamp_ns):
+@pytest.mark.parametrize("stamp_ns", [1 << 63, -1])
+def test_stamps_begin_at_0_and_have_64_bits(stamp_ns):
     frame = room_frames()[3]
-    with pytest.raises(UserError, match=f"frame 3: stamp_ns = {stamp_ns}: expected an int64"):
+    with pytest.raises(UserError, match=f"frame 3: stamp_ns = {stamp_ns}: expected 0 to 92233"):
         replace(frame, stamp_ns=stamp_ns)
     assert replace(frame, stamp_ns=(1 << 63) - 1).index == 3

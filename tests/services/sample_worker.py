@@ -31,6 +31,8 @@ def _run(worker: Worker) -> None:
     worker.ready()
     if behaviour == "bad input":
         raise UserError("field = 3: expected 4")
+    if behaviour == "faulty":
+        raise ValueError("text of a plugin\nin two lines")
     if behaviour == "no memory":
         raise OutOfMemoryError("array x: needs 8 bytes")
     if behaviour == "full GPU":

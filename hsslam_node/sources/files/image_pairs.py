@@ -15,6 +15,8 @@ from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 
+_SHORTEST_PERIOD_NS = 1e6  # between two frames
+
 
 class ImagePairSource(ReadsInTime):
     """Files of colour and of the depth registered to it, both undistorted.
@@ -77,9 +79,9 @@ class ImagePairSource(ReadsInTime):
 
 
 def median_rate_hz(stamps_ns: Sequence[int]) -> float:
-    """The rate of stamps at their median interval; 30 Hz if there is none."""
+    """The rate of stamps at their median interval; 30 Hz if there is none, or if no camera is as fast."""
     period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
-    return 1e9 / period_ns if period_ns > 0 else 30.0
+    return 1e9 / period_ns if period_ns > _SHORTEST_PERIOD_NS else 30.0
 
 
 def numbered_rate_hz(stamps_ns: Sequence[int] | np.ndarray, numbered_hz: float) -> float:

@@ -4,6 +4,7 @@ import re
 from datetime import UTC, datetime
 from decimal import Decimal
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import parse_stamp_ns
 
 # 2024-01-31_12-30-55.250 and the like; a time without a fraction is that of many images
@@ -54,6 +55,22 @@ def long_stamp_ns(number: str) -> int | None:
     if unit_ns is None:
         return None
     return int(digits) * unit_ns + int(Decimal(f"0.{fraction or 0}") * unit_ns)
+
+
+def numbered_stamp_ns(number: int, rate_hz: float) -> int:
+    """Stamp of the frame with this number in its file name, if frames come at `rate_hz`, ns.
+
+    Raises:
+        UserError: the stamp does not fit int64, as if the number is a time.
+    """
+    stamp_ns = round(number * 1e9 / rate_hz)
+    if stamp_ns >= 1 << 63:
+        most = int((1 << 63) * rate_hz / 1e9)
+        raise UserError(
+            f"frame number {number} in a file name: expected at most {most}; record:FOLDER reads times "
+            "in names"
+        )
+    return stamp_ns
 
 
 def name_number(stem: str) -> int | None:

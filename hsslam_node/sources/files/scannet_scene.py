@@ -9,6 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.download.data_folder import possible_places
+from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.sens_file import SensFile
 from hsslam_node.sources.files.truth_files import read_matrix
 
@@ -108,7 +109,7 @@ class ScanNetScene:
 
     def stamps_ns(self) -> np.ndarray:
         """[N] int64."""
-        return np.array([round(n * 1e9 / RATE_HZ) for n in self.numbers()], np.int64)
+        return np.array([numbered_stamp_ns(n, RATE_HZ) for n in self.numbers()], np.int64)
 
     def T_world_cam(self) -> np.ndarray:
         """[N, 4, 4]; not finite if the scene's authors do not know it. For the evaluator only."""

@@ -26,8 +26,20 @@ _TO_RGB = {
     "8UC4": cv2.COLOR_BGRA2RGB,
     "mono8": cv2.COLOR_GRAY2RGB,
     "8UC1": cv2.COLOR_GRAY2RGB,
+    "yuv422": cv2.COLOR_YUV2RGB_UYVY,
+    "uyvy": cv2.COLOR_YUV2RGB_UYVY,
+    "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2,
+    "yuyv": cv2.COLOR_YUV2RGB_YUY2,
+    "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB,
+    "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
+    "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
+    "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB,
 }
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
+_CHANNELS = {
+    **dict.fromkeys(("rgb8", "bgr8", "8UC3"), 3),
+    **dict.fromkeys(("rgba8", "bgra8", "8UC4"), 4),
+    **dict.fromkeys(("yuv422", "uyvy", "yuv422_yuy2", "yuyv"), 2),
+}
 _GREY = ("mono8", "8UC1")
 _DEPTH = ("16UC1", "32FC1", "mono16")
 _PNG_START = b"\x89PNG"
@@ -73,11 +85,18 @@ class RawImage:
         if self.encoding not in _TO_RGB:
             expected = ", ".join((*_TO_RGB, "mono16"))
             raise BadImageError(f"colour in encoding {self.encoding!r}: expected {expected}")
-        image = self._pixels(np.dtype(np.uint8), _CHANNELS.get(self.encoding, 1))
+        image = np.ascontiguousarray(
+            self._pixels(np.dtype(np.uint8), _CHANNELS.get(self.encoding, 1))
+        )
         code = _TO_RGB[self.encoding]
         if code is None:
-            return np.ascontiguousarray(image)
-        return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), code), np.uint8)
+            return image
+        try:
+            return np.asarray(cv2.cvtColor(image, code), np.uint8)
+        except cv2.error:
+            raise BadImageError(
+                f"{self.encoding} of {self.width_px}x{self.height_px} pixels: expected an even width"
+            ) from None
 
     def depth(self, units_per_m: float | None = None) -> tuple[np.ndarray, float]:
         """Depth [H, W] uint16 (0 = no measurement), and its units per metre.
@@ -132,7 +151,7 @@ class RawImage:
     def _compressed_depth(self) -> np.ndarray:
         """Depth of a 16-bit PNG, without the 12 bytes that compressedDepth puts before it."""
         data = self.data.tobytes()
-        if not self.encoding.startswith(("16UC1", "png")):
+        if not self.encoding.startswith(("16UC1", "mono16", "png")):
             raise BadImageError(f"depth in format {self.encoding!r}: expected a PNG of 16UC1")
         return decode_depth(data[self._image_start() :], f"depth in format {self.encoding!r}")
 

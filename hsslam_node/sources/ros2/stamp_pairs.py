@@ -7,6 +7,7 @@ from statistics import median
 from typing import Generic, Protocol, TypeVar
 
 _KEPT = 16
+_STEPS = 16  # images whose distances in time give the usual one
 
 
 class Stamped(Protocol):
@@ -22,15 +23,15 @@ T = TypeVar("T", bound=Stamped)
 class StampPairs(Generic[T]):
     """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
     time between two images away: no nearer one can come. Images older than a returned pair are dropped,
-    so pairs come in order.
+    so pairs come in order. `kept`: images of each kind that wait for their counterpart, the newest.
     """
 
-    def __init__(self, max_dt_ns: int) -> None:
+    def __init__(self, max_dt_ns: int, kept: int = _KEPT) -> None:
         self._max_dt_ns = max_dt_ns
-        self._color: deque[T] = deque(maxlen=_KEPT)
-        self._depth: deque[T] = deque(maxlen=_KEPT)
+        self._color: deque[T] = deque(maxlen=kept)
+        self._depth: deque[T] = deque(maxlen=kept)
         self._color_steps, self._depth_steps = _Steps(), _Steps()
-        self.nearest_ns: int | None = None  # of two images too far apart, for the operator
+        self.nearest_ns: int | None = None  # least of two images too far apart, for the operator
 
     def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if it has come."""
@@ -48,7 +49,8 @@ class StampPairs(Generic[T]):
         found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
         if found is None or abs(found.stamp_ns - image.stamp_ns) > self._max_dt_ns:
             if found is not None:
-                self.nearest_ns = abs(found.stamp_ns - image.stamp_ns)
+                apart_ns = abs(found.stamp_ns - image.stamp_ns)
+                self.nearest_ns = min(apart_ns, self.nearest_ns or apart_ns)
             same.append(image)
             return None
         if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.usual_ns:
@@ -69,7 +71,7 @@ class _Steps:
     """The times between the last images of a topic."""
 
     def __init__(self) -> None:
-        self._stamps_ns: deque[int] = deque(maxlen=_KEPT)
+        self._stamps_ns: deque[int] = deque(maxlen=_STEPS)
 
     def add(self, stamp_ns: int) -> None:
         self._stamps_ns.append(stamp_ns)

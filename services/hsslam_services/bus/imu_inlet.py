@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
@@ -18,7 +19,7 @@ class ImuInlet:
 
     Args:
         camera_T_imu: numbers of `--camera-T-imu`.
-        tell: gets a report each time the clock of the messages was set back.
+        tell: gets a report of each sample that is no reading, and each time the clock was set back.
     """
 
     def __init__(
@@ -27,7 +28,7 @@ class ImuInlet:
         camera_T_imu: Sequence[float],
         tell: Callable[[Report], None] = lambda _: None,
     ) -> None:
-        self._messages = messages
+        self._messages, self._tell = messages, tell
         self._track = ImuTrack(
             mounting("--camera-T-imu", camera_T_imu),
             clock_watch(messages.topic.name, tell),
@@ -40,6 +41,9 @@ class ImuInlet:
                 message.stamps_ns, message.angular_velocity, message.acceleration, strict=True
             )
             for sample_ns, turn_rate, force in samples:
-                self._track.add(sample_ns, np.array(turn_rate), np.array(force))
+                try:
+                    self._track.add(sample_ns, np.array(turn_rate), np.array(force))
+                except UserError as error:
+                    self._tell(Report.unusable(self._messages.topic.name, error))
         reading = None if frame.imu is not None else self._track.at(stamp_ns)
         return frame if reading is None else replace(frame, imu=reading)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
@@ -18,7 +19,7 @@ class OdometryInlet:
     Args:
         base_T_camera: numbers of `--base-T-camera`.
         noise: as in `OdometryTrack`.
-        tell: gets a report each time the clock of the messages was set back.
+        tell: gets a report of each message that is no reading, and each time the clock was set back.
     """
 
     def __init__(
@@ -28,7 +29,7 @@ class OdometryInlet:
         noise: float,
         tell: Callable[[Report], None] = lambda _: None,
     ) -> None:
-        self._messages = messages
+        self._messages, self._tell = messages, tell
         self._track = OdometryTrack(
             RobotFrames.mounted(base_T_camera).T_base_cam,
             noise,
@@ -39,6 +40,10 @@ class OdometryInlet:
         """The frame with the odometry at this stamp; unchanged if it has odometry or there is none."""
         for message in self._messages.drain():
             T_odom_base = pose_matrix([*message.t, *message.q])
-            self._track.add(message.stamp_ns, T_odom_base, covariance_matrix(message.covariance))
+            covariance = covariance_matrix(message.covariance)
+            try:
+                self._track.add(message.stamp_ns, T_odom_base, covariance)
+            except UserError as error:
+                self._tell(Report.unusable(self._messages.topic.name, error))
         reading = None if frame.odometry is not None else self._track.at(stamp_ns)
         return frame if reading is None else replace(frame, odometry=reading)

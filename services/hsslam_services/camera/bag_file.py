@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader as Ros2Reader
 
 _STAMP_AT = 4  # byte after the header of CDR, or after the sequence number of ROS 1
+_STAMP_BYTES = 8
 _LONGEST_REASON = 200
 
 
@@ -41,6 +42,11 @@ class BagMessage:
     stamp_ns: int
     payload: bytes
 
+    @property
+    def content(self) -> bytes:
+        """The payload without the beginning and the stamp of its header."""
+        return self.payload[_STAMP_AT + _STAMP_BYTES :]
+
 
 class BagFile:
     """A folder with `metadata.yaml`, a `.mcap` or `.db3` of ROS 2, or a `.bag` of ROS 1.
@@ -54,7 +60,7 @@ class BagFile:
     def __init__(self, place: str) -> None:
         self.name = f"bag:{place}"
         self._path = user_path(place)
-        self._is_ros1 = self._path.suffix == ".bag"
+        self._is_ros1 = self._path.suffix.lower() == ".bag" and not self._path.is_dir()
         self._has_stamps: dict[str, bool] = {}  # by topic, as far as known
         self.decode = CdrMessages(f"source {self.name}", self._is_ros1)
         if not self._path.exists():
@@ -75,7 +81,8 @@ class BagFile:
     def messages(self, topics: Collection[str]) -> Generator[BagMessage, None, None]:
         """The messages of these topics in the order of recording.
 
-        If all headers of a topic have stamp 0, its messages get their times of recording.
+        If all headers of a topic have the same stamp, such as 0, its messages get their times of recording.
+        So does a message that is too short for a header.
 
         Raises:
             UserError: the bag is damaged.
@@ -83,8 +90,10 @@ class BagFile:
         with self._reported():
             unstamped = self._without_stamps(topics)
             for topic, type_name, recorded_ns, payload in self._payloads(topics):
-                stamp_ns = recorded_ns if topic in unstamped else self._stamp_ns(payload)
-                yield BagMessage(topic, type_name, stamp_ns, payload)
+                stamp_ns = None if topic in unstamped else self._stamp_ns(payload)
+                yield BagMessage(
+                    topic, type_name, recorded_ns if stamp_ns is None else stamp_ns, payload
+                )
 
     def static_transforms(self) -> StaticTransforms:
         """All transforms of `/tf_static`; empty if the bag lacks this topic.
@@ -102,17 +111,25 @@ class BagFile:
         return found
 
     def _without_stamps(self, topics: Collection[str]) -> set[str]:
-        """The topics whose headers all have stamp 0; reads until all other topics have shown a stamp."""
-        unknown = {t.name for t in self.topics if t.name in topics and t.message_count}
-        unknown -= self._has_stamps.keys()
-        zero = set(unknown)
-        with contextlib.closing(self._payloads(tuple(unknown))) as payloads:
+        """The topics whose headers all have one stamp; reads until all other topics have shown two.
+
+        The only message of a topic lacks a stamp if it is 0.
+        """
+        counts = {t.name: t.message_count for t in self.topics if t.name in topics}
+        unknown = [name for name in counts if name not in self._has_stamps and counts[name]]
+        firsts: dict[str, int] = {}
+        left = set(unknown)
+        with contextlib.closing(self._payloads(unknown)) as payloads:
             for topic, _, _, payload in payloads if unknown else ():
-                if topic in zero and self._stamp_ns(payload) != 0:
-                    zero.remove(topic)
-                if not zero:
+                stamp_ns = self._stamp_ns(payload)
+                if stamp_ns is None or topic not in left:
+                    continue
+                first_ns = firsts.setdefault(topic, stamp_ns if counts[topic] > 1 else 0)
+                if stamp_ns != first_ns:
+                    left.remove(topic)
+                if not left:
                     break
-        self._has_stamps |= {topic: topic not in zero for topic in unknown}
+        self._has_stamps |= {topic: topic not in left for topic in unknown}
         return {topic for topic in topics if not self._has_stamps.get(topic, True)}
 
     def _payloads(
@@ -132,8 +149,10 @@ class BagFile:
 
         return Ros1Reader(self._path) if self._is_ros1 else Ros2Reader(self._path)
 
-    def _stamp_ns(self, payload: bytes) -> int:
-        """Stamp of the header, ns, without decoding the message."""
+    def _stamp_ns(self, payload: bytes) -> int | None:
+        """Stamp of the header, ns, without decoding the message; None if the message is too short."""
+        if len(payload) < _STAMP_AT + _STAMP_BYTES:
+            return None
         is_big_endian = not self._is_ros1 and payload[1:2] == b"\0"
         order = ">" if is_big_endian else "<"
         seconds, nanoseconds = struct.unpack_from(f"{order}iI", payload, _STAMP_AT)

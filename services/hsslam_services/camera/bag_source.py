@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options.source import SourceOptions
@@ -17,11 +18,19 @@ from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_services.camera.bag_file import BagFile, BagMessage
-from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_topic
-from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_decoded
+from hsslam_services.camera.bag_topics import (
+    camera_of,
+    find_camera,
+    imu_topic,
+    odometry_topic,
+)
+from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_used
 from hsslam_services.ros2.imu_in import RosImu
 from hsslam_services.ros2.odometry_in import RosOdometry
 from hsslam_services.ros2.static_transforms import StaticTransforms
+
+_WAITING = 128  # images until their counterpart comes: 4 s at 30 Hz, as recorders may write late
+_USUAL_SHARE = 0.9  # of the images that have a counterpart
 
 
 class BagSource(ReadsInTime):
@@ -37,7 +46,8 @@ class BagSource(ReadsInTime):
         self.reports = Reports()
         self._bag = BagFile(place)
         found = find_camera(self._bag, options.bag)
-        self._color, self._depth = found.color, found.depth
+        self._color, self._depth, self._info = found.color, found.depth, found.info
+        self._camera_info = b""  # the newest message, without its stamp
         self._odometry_topic = odometry_topic(self._bag, options.bag)
         self._imu_topic = imu_topic(self._bag, options.bag, bool(options.camera_T_imu))
         self._mountings = StaticTransforms()
@@ -46,12 +56,15 @@ class BagSource(ReadsInTime):
         self._camera_frame = found.first[0].frame_id
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
-        first = found.first if can_be_decoded(found.first) else self._first_pair() or found.first
+        first = found.first
+        if not can_be_used(first, found.camera):
+            first = self._first_pair(found.camera) or first
         self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale)
         pairs = self._new_pairs()
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
         if not stamps_ns:
             raise UserError(f"source {self._bag.name}: no colour-depth pair{_why_none(pairs)}")
+        self._report_alone(len(stamps_ns), pairs)
         self._options = options
         self._rows = options.selected(len(stamps_ns))
         if not self._rows:
@@ -74,7 +87,7 @@ class BagSource(ReadsInTime):
         if not rows:
             return
         sensors = self._sensors()
-        with contextlib.closing(self._paired(self._new_pairs(), sensors)) as pairs:
+        with contextlib.closing(self._paired(self._new_pairs(), sensors, self._info)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
                     index = first + rows.index(row)
@@ -88,12 +101,25 @@ class BagSource(ReadsInTime):
                 if row == rows[-1]:
                     return
 
-    def _first_pair(self) -> tuple[RawImage, RawImage] | None:
-        """The first pair that can be decoded; None if none of the first 30 can."""
+    def _report_alone(self, count: int, pairs: StampPairs[BagMessage]) -> None:
+        """Report if many colour images have no depth image at their time; `count`: pairs of the bag."""
+        images = {t.name: t.message_count for t in self._bag.topics}
+        most = min(images[self._color], images[self._depth])
+        if count >= _USUAL_SHARE * most:
+            return
+        nearest = "" if pairs.nearest_ns is None else f", {1e-6 * pairs.nearest_ns:.1f} ms at least"
+        text = (
+            f"{self._color}: only {count} of {images[self._color]} images have one of {images[self._depth]} "
+            f"depth images within {self._max_dt_ms:g} ms{nearest} (--bag.max-dt-ms): the others are left out"
+        )
+        self.reports.add(Report("images without a counterpart", text))
+
+    def _first_pair(self, camera: Camera) -> tuple[RawImage, RawImage] | None:
+        """The first pair that can be used; None if none of the first 30 can."""
         with contextlib.closing(self._paired(self._new_pairs())) as pairs:
             for messages in islice(pairs, MOST_BROKEN):
                 with contextlib.suppress(BadImageError):
-                    if can_be_decoded(pair := self._images(*messages)):
+                    if can_be_used(pair := self._images(*messages), camera):
                         return pair
         return None
 
@@ -106,7 +132,7 @@ class BagSource(ReadsInTime):
         return color_image, depth_image
 
     def _new_pairs(self) -> StampPairs[BagMessage]:
-        return StampPairs(round(1e6 * self._max_dt_ms))
+        return StampPairs(round(1e6 * self._max_dt_ms), _WAITING)
 
     def _sensors(self) -> dict[str, RosOdometry | RosImu]:
         """Sensors beside the camera, by topic."""
@@ -123,11 +149,17 @@ class BagSource(ReadsInTime):
         self,
         pairs: StampPairs[BagMessage],
         sensors: Mapping[str, RosOdometry | RosImu] = MappingProxyType({}),
+        info: str = "",
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
-        """Pairs (colour, depth) in the order of the bag; `sensors` take the messages before each pair."""
-        for message in self._bag.messages((self._color, self._depth, *sensors)):
+        """Pairs (colour, depth) in the order of the bag; `sensors` take the messages before each pair, as the
+        frames take those of the topic `info`."""
+        topics = (self._color, self._depth, *sensors, *([info] if info else []))
+        for message in self._bag.messages(topics):
             if message.topic in sensors:
                 self._take(message, sensors[message.topic])
+                continue
+            if message.topic == info:
+                self._hear_camera(message)
                 continue
             is_color = message.topic == self._color
             pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
@@ -140,6 +172,16 @@ class BagSource(ReadsInTime):
         try:
             sensor.take(of_kind(message.payload, message.type_name), message.stamp_ns)
         except (BadImageError, UserError) as error:
+            self.reports.add(Report.unusable(message.topic, error))
+
+    def _hear_camera(self, message: BagMessage) -> None:
+        """Take a `camera_info`, if it differs from the last one."""
+        if message.content == self._camera_info:
+            return
+        self._camera_info = message.content
+        try:
+            self._frames.hear_camera(camera_of(self._bag, message, self._color))
+        except UserError as error:
             self.reports.add(Report.unusable(message.topic, error))
 
     def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:

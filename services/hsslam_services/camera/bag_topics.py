@@ -12,8 +12,9 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
-from hsslam_services.camera.bag_file import BagFile, BagMessage
-from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO
+from hsslam_services.camera.bag_file import BagFile, BagMessage, BagTopic
+from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO, is_rectified
+from hsslam_services.camera.ros_frames import MOST_BROKEN
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
 
@@ -27,6 +28,7 @@ class BagCamera:
 
     color: str
     depth: str
+    info: str
     camera: Camera  # of colour, with its distortion
     first: tuple[RawImage, RawImage]  # colour, depth
 
@@ -50,10 +52,10 @@ def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
     infos = [name for name, message in firsts.items() if message.type_name == INFO]
     beside = _info_beside(color, infos) or infos
     info = _chosen(bag, "info", options.info, beside, infos)
-    camera = _camera(bag, firsts[info], is_rectified="rect" in color)
+    camera = camera_of(bag, firsts[info], color)
     for depth_info in _info_beside(depth, infos):
         _expect_same_K(bag, firsts[info], firsts[depth_info])
-    return BagCamera(color, depth, camera, (images[color], images[depth]))
+    return BagCamera(color, depth, info, camera, (images[color], images[depth]))
 
 
 def odometry_topic(bag: BagFile, options: BagOptions) -> str:
@@ -83,21 +85,42 @@ def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
-    """The first message of each topic with images or intrinsics, sorted by topic."""
+    """The first whole message of each topic with images or intrinsics, else the first; sorted by topic."""
     missing = {
-        topic.name
+        topic.name: MOST_BROKEN
         for topic in bag.topics
         if topic.type_name in (IMAGE, COMPRESSED, INFO) and topic.message_count
     }
-    found = {}
+    found: dict[str, BagMessage] = {}
     with contextlib.closing(bag.messages(tuple(missing))) as messages:
         for message in messages:
-            if message.topic in missing:
-                found[message.topic] = message
-                missing.remove(message.topic)
+            topic = message.topic
+            if topic not in missing:
+                continue
+            found.setdefault(topic, message)
+            missing[topic] -= 1
+            if _is_whole(bag, message):
+                found[topic] = message
+                missing[topic] = 0
+            if not missing[topic]:
+                del missing[topic]
             if not missing:
                 break
     return dict(sorted(found.items()))
+
+
+def _is_whole(bag: BagFile, message: BagMessage) -> bool:
+    """Whether it can be decoded, without its image."""
+    try:
+        if message.type_name == INFO:
+            bag.decode.camera(message.payload, message.type_name, is_rectified=False)
+        else:
+            bag.decode.image(message.payload, message.type_name)
+    except BadImageError:
+        return False
+    except UserError:  # intrinsics that cannot be used, which is reported if they are chosen
+        return True
+    return True
 
 
 def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
@@ -110,7 +133,11 @@ def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
 
 
 def _chosen(
-    bag: BagFile, option: str, asked: str, fitting: Sequence[str], known: Sequence[str] | dict
+    bag: BagFile,
+    option: str,
+    asked: str,
+    fitting: Sequence[str],
+    known: Sequence[str] | dict[str, RawImage],
 ) -> str:
     """The topic `asked`, if it is one of `known`; if `asked` is empty, the only fitting topic."""
     if asked:
@@ -122,10 +149,19 @@ def _chosen(
         problem = f"{len(found) or 'no'} topics for {option}{names}"
     if len(found) == 1:
         return found[0]
-    topics = ", ".join(map(str, bag.topics)) or "none"
+    images = known if isinstance(known, dict) else {}
+    topics = ", ".join(_described(topic, images) for topic in bag.topics) or "none"
     raise UserError(
         f"source {bag.name}: {problem}: expected one, or its name as --bag.{option} TOPIC; topics: {topics}"
     )
+
+
+def _described(topic: BagTopic, images: dict[str, RawImage]) -> str:
+    """Name and type of a topic, and the encoding of images that show neither colour nor depth."""
+    image = images.get(topic.name)
+    if image is None or image.content != "unknown":
+        return str(topic)
+    return f"{topic}, encoding {image.encoding!r}, which is not supported"
 
 
 def _info_beside(topic: str, infos: Sequence[str]) -> list[str]:
@@ -137,16 +173,21 @@ def _info_beside(topic: str, infos: Sequence[str]) -> list[str]:
     return [name for name in names if name in infos][:1]
 
 
-def _camera(bag: BagFile, message: BagMessage, is_rectified: bool) -> Camera:
+def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
+    """The camera of a `CameraInfo`, for the images of the topic `color`.
+
+    Raises:
+        UserError: the message cannot be used.
+    """
     try:
-        return bag.decode.camera(message.payload, message.type_name, is_rectified)
+        return bag.decode.camera(message.payload, message.type_name, is_rectified(color))
     except (BadImageError, UserError) as error:
         raise UserError(f"source {bag.name}: {message.topic}: {error}") from None
 
 
 def _expect_same_K(bag: BagFile, color: BagMessage, depth: BagMessage) -> None:
     """Raise UserError unless depth has the intrinsics of colour, as registered depth does."""
-    K_color, K_depth = (_camera(bag, message, is_rectified=False).K for message in (color, depth))
+    K_color, K_depth = (camera_of(bag, message, "").K for message in (color, depth))
     if np.abs(K_color - K_depth).max() > _SAME_K_PX:
         of_depth, of_color = (
             ", ".join(f"{value:.1f}" for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))

@@ -8,6 +8,8 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 from hsslam_node.sources.source_row import find_row, imported, refuse_unread_options, source_name
+from hsslam_proto.frame_codec import LARGEST_IMAGE_PX
+from hsslam_proto.message import LARGEST_SIDE_PX
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import ALL_SOURCES, refuse_rate
 
@@ -20,9 +22,16 @@ def open_any_source(
     """As `open_source`, with the sources of the service as well: logs and ROS 2 cameras.
 
     Raises:
-        UserError: unknown source, missing files, or an invalid camera.
+        UserError: unknown source, missing files, an invalid camera, or images too large for a message.
     """
-    return open_source(spec, options, should_stop, ALL_SOURCES)
+    source = open_source(spec, options, should_stop, ALL_SOURCES)
+    width_px, height_px = source.camera.width_px, source.camera.height_px
+    if max(width_px, height_px) > LARGEST_SIDE_PX or width_px * height_px > LARGEST_IMAGE_PX:
+        raise UserError(
+            f"source {source.name}: images of {width_px}x{height_px} pixels: expected at most "
+            f"{LARGEST_SIDE_PX} a side and {1e-6 * LARGEST_IMAGE_PX:.1f} million"
+        )
+    return source
 
 
 def check_source_exists(options: ServeOptions) -> None:

@@ -16,6 +16,7 @@ _POLL_S = 0.05
 _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
 _LATE = 0.5  # periods after its time
+_REPEATED_NS = 1_000_000  # after the stamp before: no camera is as fast, so it is the same stamp
 NEEDED = ("tracker", "mapper")
 OTHERS = ("recorder",)  # logs from the first frame if it starts in time
 
@@ -24,7 +25,8 @@ class Realtime:
     """Sends each frame when the sensor would have; the sensor's clock starts when the first map exists.
 
     `clock_scale` stretches the source's stamps to another rate, `period_s` apart. At a gap in the stamps it
-    waits at most 1 s (or three periods of a slow sensor). It reports gaps and steps back. A source that is
+    waits at most 1 s (or three periods of a slow sensor). Frames with the same stamp, as of a clock of whole
+    seconds, come `period_s` apart. It reports gaps, steps back and repeated stamps. A source that is
     slower than its sensor leaves out frames, so that the others come in time; if the source cannot leave
     them out, its clock is set back once it is 1 s behind.
     """
@@ -45,6 +47,7 @@ class Realtime:
         self._sensors = sensors
         self._longest_wait_ns = max(_LONGEST_WAIT_NS, round(3e9 * period_s))
         self._late_ns = round(_LATE * 1e9 * period_s)
+        self._period_ns, self._last_due_ns = round(1e9 * period_s), 0
         self._read_ns = -1  # stamp of the last frame that was read
         self._steps_read = self._steps_sent = 0  # steps back in the stamps
         self._wall = WallClock()
@@ -72,11 +75,13 @@ class Realtime:
     def is_late(self, index: int, source_ns: int) -> bool:
         """Whether the frame of this stamp, which is about to be read, is late by more than half a period.
 
-        After a step back in the stamps, no frame is late until `send` has set the clock by that frame.
+        After a step back in the stamps, no frame is late until `send` has set the clock by that frame. A
+        frame with the stamp of the one before is never late.
         """
         self._steps_read += source_ns < self._read_ns
+        is_repeated = 0 <= source_ns - self._read_ns < _REPEATED_NS
         self._read_ns = source_ns
-        if not self._progress.pinned_ns or self._steps_read > self._steps_sent:
+        if not self._progress.pinned_ns or self._steps_read > self._steps_sent or is_repeated:
             return False
         lag_ns = time.monotonic_ns() - self._progress.due_ns(source_ns, self._scale)
         return self._late_ns < lag_ns < _LARGEST_LAG_NS
@@ -117,6 +122,9 @@ class Realtime:
 
     def _due_ns(self, frame: Frame) -> int:
         """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""
+        last_ns = self._progress.last_source_ns
+        if self._last_due_ns and last_ns >= 0 and 0 <= frame.stamp_ns - last_ns < _REPEATED_NS:
+            return self._next_due_ns(frame)
         wait_ns = self._progress.due_ns(frame.stamp_ns, self._scale) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
         if is_back:
@@ -139,7 +147,17 @@ class Realtime:
                     self._report(
                         frame, "the source is slower than its sensor: its clock is set back"
                     )
-        return self._progress.due_ns(frame.stamp_ns, self._scale)
+        self._last_due_ns = self._progress.due_ns(frame.stamp_ns, self._scale)
+        return self._last_due_ns
+
+    def _next_due_ns(self, frame: Frame) -> int:
+        """Monotonic time of a frame with the stamp of the one before, ns: one period later."""
+        self._worker.count("repeated stamps")
+        if self._worker.counters["repeated stamps"] == 1:
+            apart = f"such frames come {1e-6 * self._period_ns:.0f} ms apart"
+            self._report(frame, f"its stamp is that of the previous one: {apart}")
+        self._last_due_ns += self._period_ns
+        return self._last_due_ns
 
     def _stamp_ns(self, due_ns: int) -> int:
         """The wall clock at a monotonic time, ns."""

@@ -18,6 +18,7 @@ from hsslam_services.ros2.type_store import open_type_store
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO = "sensor_msgs/msg/CameraInfo"
+_RECTIFIED = frozenset(("rect", "rectified"))
 _LENSES: dict[str, tuple[LensModel, int]] = {  # name in ROS: model, number of coefficients
     "plumb_bob": ("opencv", 5),
     "rational_polynomial": ("opencv", 5),  # more if the others are not all 0
@@ -72,7 +73,8 @@ class CdrMessages:
         )
 
     def camera(self, payload: bytes, type_name: str, is_rectified: bool) -> Camera:
-        """The camera of a `CameraInfo`: K and D, or P of rectified images.
+        """The camera of a `CameraInfo`: K and D, or P of rectified images, of the pixels that are left by
+        binning and region of interest.
 
         Raises:
             BadImageError: another type, or not such a message.
@@ -81,13 +83,14 @@ class CdrMessages:
         if type_name != INFO:
             raise BadImageError(f"message of type {type_name or 'unknown'}: expected {INFO}")
         info = self._decoded(payload, type_name)
-        size = (int(info.width), int(info.height))
         if is_rectified:
             p = _numbers(info, "p")
-            return Camera(*size, fx=p[0], fy=p[5], cx=p[2], cy=p[6])
+            if not any(p):
+                raise UserError("camera_info.p is all 0: expected P of images that are rectified")
+            return Camera(*_pixels_left(info, p[0], p[5], p[2], p[6]))
         k = _numbers(info, "k")
         lens, model = _lens(str(info.distortion_model), _numbers(info, "d"))
-        return Camera(*size, k[0], k[4], k[2], k[5], lens, model)
+        return Camera(*_pixels_left(info, k[0], k[4], k[2], k[5]), lens, model)
 
     def odometry(self, payload: bytes, type_name: str) -> Any:
         """An `Odometry` as rosbags decodes it.
@@ -125,6 +128,21 @@ class CdrMessages:
             raise BadImageError(f"no {type_name} in {self._format}: {error}") from None
 
 
+def _pixels_left(
+    info: Any, fx: float, fy: float, cx: float, cy: float
+) -> tuple[int, int, float, float, float, float]:
+    """Width, height, fx, fy, cx and cy of the images, from those of the sensor's full resolution.
+
+    The driver cuts out the region of interest, then joins pixels. Source: sensor_msgs/CameraInfo, and
+    image_geometry's PinholeCameraModel.
+    """
+    roi = info.roi
+    across, down = max(int(info.binning_x), 1), max(int(info.binning_y), 1)
+    width_px, height_px = int(roi.width) or int(info.width), int(roi.height) or int(info.height)
+    cx, cy = cx - int(roi.x_offset), cy - int(roi.y_offset)
+    return width_px // across, height_px // down, fx / across, fy / down, cx / across, cy / down
+
+
 def _numbers(info: Any, name: str) -> list[float]:
     """A matrix or list of `CameraInfo`; its name is upper case in ROS 1."""
     return [float(v) for v in getattr(info, name if hasattr(info, name) else name.upper())]
@@ -142,6 +160,11 @@ def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
     kept = lens if any(lens[count:]) else lens[:count]
     expect_lens("camera_info.d", kept, model)
     return tuple(kept), model
+
+
+def is_rectified(topic: str) -> bool:
+    """Whether the images of a topic are rectified: its name has the word "rect" or "rectified"."""
+    return not _RECTIFIED.isdisjoint(re.split(r"[/_]", topic))
 
 
 def topic_keys(domain: int, topic: str) -> str:

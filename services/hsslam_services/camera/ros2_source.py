@@ -12,7 +12,7 @@ from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.topics import ROS_ROUTER
-from hsslam_node.sources.reports import Reports
+from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, SourceLostError
@@ -20,12 +20,13 @@ from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_client, ope
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
+    is_rectified,
     topic_keys,
     topic_of,
     type_of,
 )
 from hsslam_services.camera.ros2_sensors import Ros2Sensors
-from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_decoded
+from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_used
 
 _RING = 4  # newest waiting images of a topic
 _POLL_S = 0.001
@@ -39,8 +40,8 @@ _RATE_HZ = 30.0  # nominal; frames come at any rate
 class Ros2Source:
     """Subscribes to colour, depth and intrinsics of a camera; new images replace old ones that wait.
 
-    Frames have the stamps of the colour images. They are undistorted by `camera_info`, unless the colour
-    topic has "rect" in its name, so that its images are rectified. `should_stop` ends the frames.
+    Frames have the stamps of the colour images. They are undistorted by `camera_info`, unless the name of the
+    colour topic says that its images are rectified. `should_stop` ends the frames.
 
     Raises:
         UserError: rosbags is not installed, no router, or no images in time; names the topics heard.
@@ -91,6 +92,7 @@ class Ros2Source:
     def _live(self) -> Iterator[Frame | BadFrame]:
         heard_s, silences = time.monotonic(), 0
         while not self._should_stop():
+            self._hear_camera()
             try:
                 pair = self._next_pair()
             except BadImageError as error:
@@ -109,6 +111,18 @@ class Ros2Source:
                     )
             else:
                 time.sleep(_POLL_S)
+
+    def _hear_camera(self) -> None:
+        """Take the `camera_info` received since."""
+        while (sample := self._info.try_recv()) is not None:
+            try:
+                self._frames.hear_camera(self._camera_of(sample))
+            except (BadImageError, UserError) as error:
+                self.reports.add(Report.unusable(self._topics[2], error))
+
+    def _camera_of(self, sample: zenoh.Sample) -> Camera:
+        payload, kind = sample.payload.to_bytes(), type_of(str(sample.key_expr))
+        return self._cdr.camera(payload, kind, is_rectified(self._topics[0]))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """The next pair of received images, None if there is none yet; raises BadImageError."""
@@ -131,7 +145,6 @@ class Ros2Source:
         """Wait for the intrinsics and the first pair."""
         camera, pair, problem = None, None, ""
         broken: list[tuple[RawImage, RawImage]] = []
-        is_rectified = "rect" in self._topics[0]
         deadline = time.monotonic() + self._options.ros2.timeout_s
         while (
             camera is None or pair is None or self._sensors.silent
@@ -140,11 +153,10 @@ class Ros2Source:
                 raise UserError(f"source ros2:{name}: stopped before the first frame")
             try:
                 if camera is None and (sample := self._info.try_recv()) is not None:
-                    kind = type_of(str(sample.key_expr))
-                    camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
+                    camera = self._camera_of(sample)
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
-                    if can_be_decoded(newest):
+                    if can_be_used(newest, camera):
                         pair = newest
                     elif len(broken) < MOST_BROKEN:
                         broken.append(newest)

@@ -1,5 +1,7 @@
 """Makes frames from colour and depth images of ROS."""
 
+import numpy as np
+
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -9,12 +11,19 @@ from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.source import BadFrame
 
 MOST_BROKEN = 30  # undecodable pairs at the start
+_SAME_PX = 1.0  # of focal lengths and principal points
 
 
-def can_be_decoded(pair: tuple[RawImage, RawImage]) -> bool:
-    """Whether this pair of colour and depth can be decoded, and so shows the source's size and encodings."""
+def can_be_used(pair: tuple[RawImage, RawImage], camera: Camera | None) -> bool:
+    """Whether this pair of colour and depth can be decoded and has the camera's size, if that is known.
+
+    Such a pair shows the encodings of the source.
+    """
     color, depth = pair
     try:
+        if camera is not None:
+            color.expect_size(camera)
+            depth.expect_size(camera)
         color.color()
         depth.depth()
     except BadImageError:
@@ -43,25 +52,58 @@ class RosFrames:
         self.depth_units_per_m = _expect_registered(source, camera, *first, depth_scale)
         self._undistortion = Undistortion(camera)
         self.camera = camera.undistorted()
+        self._changed = ""  # how the newest `camera_info` differs from the first
+
+    def hear_camera(self, camera: Camera) -> None:
+        """Take a later `camera_info`; frames are bad while it differs from the first by more than a pixel."""
+        now, first = (
+            np.array([c.width_px, c.height_px, c.fx, c.fy, c.cx, c.cy])
+            for c in (camera, self.camera)
+        )
+        is_same = np.abs(now - first).max() <= _SAME_PX
+        self._changed = (
+            "" if is_same else f"{_numbers(now)}: expected {_numbers(first)} as at first"
+        )
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
         """The undistorted frame of a pair; a `BadFrame` if the pair cannot be used."""
         try:
+            if self._changed:
+                raise BadImageError(f"camera_info changed to {self._changed}")
             for image in (color, depth):
                 image.expect_size(self.camera)
+            rgb = color.color()
             depth_raw, units = depth.depth(self._depth_scale)
+            for name, pixels in (("colour", rgb), ("depth", depth_raw)):
+                _expect_shape(name, pixels, self.camera)
             if units != self.depth_units_per_m:
                 raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
             return Frame(
                 index=index,
                 stamp_ns=color.stamp_ns,
                 camera=self.camera,
-                color=self._undistortion.color(color.color()),
+                color=self._undistortion.color(rgb),
                 depth_raw=self._undistortion.depth(depth_raw),
                 depth_units_per_m=self.depth_units_per_m,
             )
         except (BadImageError, UserError) as error:
             return BadFrame(index, color.stamp_ns, str(error))
+
+
+def _expect_shape(name: str, pixels: np.ndarray, camera: Camera) -> None:
+    """Raise BadImageError unless a decoded image has the camera's size; not all formats show it before."""
+    height, width = pixels.shape[:2]
+    if (width, height) != (camera.width_px, camera.height_px):
+        raise BadImageError(
+            f"{name} of {width}x{height} pixels: expected {camera.width_px}x{camera.height_px} as before"
+        )
+
+
+def _numbers(camera: np.ndarray) -> str:
+    width_px, height_px, *intrinsics = camera.tolist()
+    return f"{width_px:g}x{height_px:g} with fx, fy, cx, cy = " + ", ".join(
+        f"{value:.1f}" for value in intrinsics
+    )
 
 
 def _expect_registered(

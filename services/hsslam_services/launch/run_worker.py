@@ -22,12 +22,14 @@ from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL, leave_stop_signals_to_supervisor
 
+_LONGEST_TEXT = 300
+
 
 def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     """Read `--run DIR` from the command line, run `loop(worker)` and exit.
 
-    Exit code 0: the loop has returned; 2, with one line: `UserError`; 1, with a traceback in the process's
-    log: another exception.
+    Exit code 0: the loop has returned; 2, with one line: `UserError`; 1, with one line and a traceback in the
+    process's log: another exception.
     """
     faulthandler.enable()
     die_with_parent(END_SIGNAL)
@@ -55,6 +57,10 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
             except UserError as error:
                 worker.event("error", str(error))
                 raise
+            except Exception as error:  # of a plugin, or a fault of ours
+                with contextlib.suppress(Exception):
+                    worker.event("error", f"{_in_one_line(error)}; the traceback is in its log")
+                raise
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         with contextlib.suppress(OSError):  # the run folder may be the problem
@@ -62,6 +68,12 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
             write_result(run_dir, name, ProcessResult(error=str(error), lacks_memory=lacks_memory))
         _end(2)
     _end(0)
+
+
+def _in_one_line(error: Exception) -> str:
+    """Type and text of an error, without line breaks."""
+    text = " ".join(str(error).split())[:_LONGEST_TEXT]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _end(code: int) -> NoReturn:

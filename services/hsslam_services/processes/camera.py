@@ -117,6 +117,7 @@ def _run(worker: Worker) -> None:
                 first_bad = first_bad or item.reason
                 worker.event("warning", f"frame {item.index} skipped: {item.reason}")
             else:
+                _expect_order(source, item, progress.last_index)
                 pace.send(item)
                 progress.sent += 1
                 progress.last_index = item.index
@@ -129,6 +130,15 @@ def _run(worker: Worker) -> None:
             f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"
         )
     _end(worker, progress, last_frame)
+
+
+def _expect_order(source: Source, frame: Frame, last_index: int) -> None:
+    """Raise UserError unless the index of the frame is above the last one; that of a plugin may not be."""
+    if frame.index <= last_index:
+        after = "the first frame" if last_index < 0 else f"the frame after frame {last_index}"
+        raise UserError(
+            f"source {source.name}: {after} has index {frame.index}: expected {last_index + 1} or more"
+        )
 
 
 def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> None:

@@ -47,16 +47,13 @@ class RosImu:
         stamp_ns: stamp of the message; None: that of its header.
 
         Raises:
-            UserError: a number is not finite, or the message lacks angular velocity or acceleration.
+            UserError: a number is no reading of a sensor, or the message lacks angular velocity or
+                acceleration.
         """
         turn_rate, force = (
             np.array([v.x, v.y, v.z])
             for v in (message.angular_velocity, message.linear_acceleration)
         )
-        if not (np.isfinite(turn_rate).all() and np.isfinite(force).all()):
-            raise UserError(
-                f"imu: angular velocity {turn_rate}, acceleration {force}: expected finite numbers"
-            )
         covariances = message.angular_velocity_covariance, message.linear_acceleration_covariance
         for name, covariance in zip(("angular velocity", "acceleration"), covariances, strict=True):
             if covariance[0] == -1:  # REP 145: not measured

@@ -38,14 +38,12 @@ class RosOdometry:
         stamp_ns: stamp of the message; None: that of its header.
 
         Raises:
-            UserError: the pose is not finite, or has no unit quaternion.
+            UserError: the position is no reading, or the orientation is no unit quaternion.
         """
         p, o = message.pose.pose.position, message.pose.pose.orientation
         t, q = np.array([p.x, p.y, p.z]), np.array([o.x, o.y, o.z, o.w])
-        if not (np.isfinite(t).all() and abs(np.linalg.norm(q) - 1) < _UNIT):
-            raise UserError(
-                f"odometry: position {t}, orientation {q}: expected finite numbers and a unit quaternion"
-            )
+        if not abs(np.linalg.norm(q) - 1) < _UNIT:
+            raise UserError(f"odometry: position {t}, orientation {q}: expected a unit quaternion")
         covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
         if stamp_ns is None:
             stamp_ns = header_stamp_ns(message)

@@ -40,7 +40,10 @@ def test_what_is_written_is_read_back(rows):
 
 @pytest.mark.parametrize(
     "line",
-    ["1 2 3", "x 0 0 0 0 0 0 1", "1 0 0 nan 0 0 0 1", "1 0 0 0 0 0 0 0", "inf 0 0 0 0 0 0 1"],
+    [
+        *("1 2 3", "x 0 0 0 0 0 0 1", "1 0 0 nan 0 0 0 1", "1 0 0 0 0 0 0 0"),
+        *(f"{stamp} 0 0 0 0 0 0 1" for stamp in ("nan", "inf", "1e99999999", "-1e999999999")),
+    ],
 )
 def test_a_wrong_line_is_named(tmp_path, line):
     path = tmp_path / "t.txt"

@@ -84,6 +84,22 @@ def test_a_gap_a_late_sample_and_silence():
     np.testing.assert_allclose(motion.velocity_change, 0.03 * _UP, atol=1e-12)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300, -1e6])
+@pytest.mark.parametrize("of_turn", [True, False])
+def test_a_sample_that_is_no_reading_is_refused_and_costs_nothing(of_turn, value):
+    track, wrong = ImuTrack(), np.array([0.0, value, 0.0])
+    assert track.add(0, np.zeros(3), _UP)
+    given = (wrong, _UP) if of_turn else (np.zeros(3), wrong)
+    with pytest.raises(UserError, match=r"imu: angular velocity .*: expected at most 1000 and 1"):
+        track.add(_STEP_NS, *given)
+    assert track.add(2 * _STEP_NS, np.zeros(3), _UP)
+    first, last = track.at(0), track.at(2 * _STEP_NS)
+    assert first is not None and last is not None
+    motion = motion_between(first, last)
+    assert motion is not None
+    np.testing.assert_allclose(motion.velocity_change, 2e-9 * _STEP_NS * _UP, atol=1e-12)
+
+
 @pytest.mark.parametrize("numbers", [np.zeros(8), np.full(8, np.nan), np.ones(7)])
 def test_a_reading_of_other_numbers_is_refused(numbers):
     with pytest.raises(UserError, match=r"imu .*: expected 8 finite numbers"):

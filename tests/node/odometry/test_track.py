@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp, transform
 from hsslam_node.odometry.reading import MotionSince, OdometryReading
@@ -38,6 +39,28 @@ def test_a_curve_is_read_at_any_stamp_as_the_camera_goes_it(stamp_ns):
     T_base_cam = RobotFrames.mounted((0.2, 0.1, 0.35, -0.5, 0.5, -0.5, 0.5)).T_base_cam
     reading = _read(_track(T_base_cam), stamp_ns)
     np.testing.assert_allclose(reading.T_odom_cam, _base_at(stamp_ns) @ T_base_cam, atol=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1.7e308, -1e9])
+def test_a_position_that_is_no_reading_is_refused_and_costs_nothing(value):
+    track = _track(np.eye(4))
+    T = np.eye(4)
+    T[1, 3] = value
+    with pytest.raises(UserError, match=r"odometry: position \[.*\]: expected at most 1e\+08 m"):
+        track.add(50 * _PERIOD_NS, T)
+    assert track.add(50 * _PERIOD_NS, _base_at(50 * _PERIOD_NS))
+    found = _read(track, 50 * _PERIOD_NS).T_odom_cam
+    np.testing.assert_allclose(found, _base_at(50 * _PERIOD_NS), atol=1e-9)
+
+
+def test_a_covariance_of_the_largest_float_is_unknown_motion_and_no_error():
+    track, huge = _track(np.eye(4)), np.full((6, 6), 1.7e308)
+    for k in (50, 51):
+        assert track.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS), huge)
+    motion = MotionSince()
+    motion.restart(_read(track, 49 * _PERIOD_NS))
+    found = motion.to(_read(track, 51 * _PERIOD_NS))
+    assert found is not None and not found.is_surer_than(1.0, 1.0)
 
 
 def test_doubt_grows_along_the_path_and_not_at_rest():

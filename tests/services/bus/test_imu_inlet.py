@@ -9,6 +9,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import motion_between
+from hsslam_node.sources.reports import Report
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message, frame_message
 from hsslam_proto.messages import ImuSamples
@@ -48,3 +49,23 @@ def test_a_frame_gets_what_the_imu_has_integrated_at_its_wall_clock(endpoint):
     came = frame_from_message(frame_message(last, last_ns)).imu
     assert came is not None and last.imu is not None and came.series == last.imu.series
     np.testing.assert_array_equal(came.numbers, last.imu.numbers)
+
+
+def test_a_sample_that_is_no_reading_is_left_out_and_reported(endpoint):
+    reports: list[Report] = []
+    with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
+        inlet = ImuInlet(camera.subscribe(topics.IMU, 64), _ON_ITS_SIDE, reports.append)
+        imu = outside.publisher(topics.IMU)
+        given_up_s = time.monotonic() + 20
+        while not imu.has_subscribers():
+            assert time.monotonic() < given_up_s
+            time.sleep(0.01)
+        stamps_ns = [_START_NS, _START_NS + 5_000_000, _START_NS + 10_000_000]
+        forces = [(9.81, 0.0, 0.0), (1e29, 0.0, 0.0), (9.81, 0.0, 0.0)]
+        rates = [(0.0, 0.0, 0.0)] * 3
+        imu.put(ImuSamples(stamps_ns=stamps_ns, angular_velocity=rates, acceleration=forces))
+        while inlet.given(_FRAME, stamps_ns[2]).imu is None:
+            assert time.monotonic() < given_up_s
+            time.sleep(0.01)
+    assert [report.kind for report in reports] == ["in/imu: unusable messages"]
+    assert "expected at most" in reports[0].text

@@ -66,6 +66,22 @@ def test_a_clock_that_was_set_back_is_told(endpoint):
     assert "set back by 9.0 s" in told[0].text
 
 
+def test_a_position_that_is_no_reading_is_left_out_and_reported(endpoint):
+    reports: list[Report] = []
+    with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
+        messages = camera.subscribe(topics.ODOMETRY, 64)
+        inlet = OdometryInlet(messages, _AHEAD, USUAL_NOISE, reports.append)
+        wheels = outside.publisher(topics.ODOMETRY)
+        _wait_for(wheels.has_subscribers)
+        for k, x in enumerate((0.0, 1e29, 0.0)):
+            at, q = (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+            wheels.put(RobotOdometry(stamp_ns=_START_NS + 20_000_000 * k, t=at, q=q))
+        last_ns = _START_NS + 40_000_000
+        _wait_for(lambda: inlet.given(_FRAME, last_ns).odometry is not None)
+    assert [report.kind for report in reports] == ["in/odometry: unusable messages"]
+    assert "expected at most 1e+08 m" in reports[0].text
+
+
 def _wait_for(is_done: Callable[[], bool]) -> None:
     given_up_s = time.monotonic() + 20
     while not is_done():

@@ -23,9 +23,10 @@ _STORAGE = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
 
 class BagWriter:
     """Makes messages of one version of ROS, and writes them at the times of their stamps, or so much later
-    as `recorded_later_ns` says."""
+    as `recorded_later_ns` says; `kept_bytes`: only the beginning of each."""
 
     recorded_later_ns = 0
+    kept_bytes: int | None = None
 
     def __init__(self, writer: Any, is_ros1: bool) -> None:
         self._writer = writer
@@ -54,7 +55,8 @@ class BagWriter:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
         serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
         recorded_ns = stamp_ns + self.recorded_later_ns
-        self._writer.write(self._connections[topic], recorded_ns, serialize(message, kind))
+        payload = bytes(serialize(message, kind))[: self.kept_bytes]
+        self._writer.write(self._connections[topic], recorded_ns, payload)
 
     def image(self, topic: str, stamp_ns: int, pixels: np.ndarray, encoding: str) -> None:
         """An `Image` of pixels [H, W] or [H, W, channels]."""

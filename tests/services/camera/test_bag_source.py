@@ -16,22 +16,13 @@ from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.open_source import open_any_source
 from tests.late_frames import expect_late_frames_left_out
-from tests.services.camera.room_bags import ROOM, opened, whole_frames
+from tests.services.camera.room_bags import ROOM, expect_same, opened, whole_frames
 from tests.services.camera.ros_bags import COLOR, DEPTH, INFO, KINDS, BagWriter, new_bag, written
 
 
 @pytest.fixture(scope="module")
 def room() -> list[Frame]:
     return whole_frames(open_source("synth:room", ROOM))
-
-
-def expect_same(found: list[Frame], expected: list[Frame]) -> None:
-    assert [frame.stamp_ns for frame in found] == [frame.stamp_ns for frame in expected]
-    for frame, other in zip(found, expected, strict=True):
-        assert (frame.index, frame.camera) == (other.index, other.camera)
-        assert frame.depth_units_per_m == other.depth_units_per_m
-        np.testing.assert_array_equal(frame.color, other.color)
-        np.testing.assert_array_equal(frame.depth_raw, other.depth_raw)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -222,16 +213,25 @@ def test_what_is_no_bag(tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_headers_without_stamps_have_the_times_of_the_recording(kind, room, tmp_path: Path):
+@pytest.mark.parametrize("only_ns", [0, 10**9])
+def test_headers_of_one_stamp_have_the_times_of_the_recording(kind, only_ns, room, tmp_path: Path):
     path = tmp_path / ("a.bag" if kind == "bag" else "a")
     with new_bag(path, kind) as bag:
         for frame in room:
-            bag.recorded_later_ns = 10**18 + frame.stamp_ns
-            bag.odometry("/odom", 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-            bag.frame(replace(frame, stamp_ns=0))
+            bag.recorded_later_ns = 10**18 + frame.stamp_ns - only_ns
+            bag.odometry("/odom", only_ns, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            bag.frame(replace(frame, stamp_ns=only_ns))
     frames = whole_frames(opened(path, bag=BagOptions(odometry="/odom")))
     assert [frame.stamp_ns for frame in frames] == [10**18 + frame.stamp_ns for frame in room]
     assert all(frame.odometry is not None for frame in frames)
+
+
+def test_the_only_frame_keeps_its_stamp(room, tmp_path: Path):
+    path = tmp_path / "bag"
+    with new_bag(path, "mcap") as bag:
+        bag.recorded_later_ns = 10**18
+        bag.frame(room[5])
+    assert [frame.stamp_ns for frame in whole_frames(opened(path))] == [room[5].stamp_ns]
 
 
 def test_only_all_stamps_of_a_topic_that_are_0_are_none(room, tmp_path: Path):

@@ -91,6 +91,17 @@ def test_a_gap_of_an_hour_is_waited_for_a_second(paced):
     assert [frame.source_stamp_ns for frame in found][2] == 3600 * 10**9
 
 
+@pytest.mark.parametrize("step_s", [0.0, 1e-9])
+def test_frames_with_the_same_stamp_come_a_period_apart(paced, step_s):
+    """As of a clock of whole seconds, or of a recorder that stamps in bursts."""
+    stamps_s = [0.0, 0.5, *(0.5 + k * step_s for k in range(1, 6)), 1.0]
+    found, told, seconds = paced(stamps_s)
+    sent_s = 1e-9 * np.array([message.stamp_ns for message in found])
+    np.testing.assert_allclose(np.diff(sent_s), [0.5, *[1 / 30] * 5, 0.5 - 5 / 30], atol=0.02)
+    assert 1.0 <= seconds < 3.0
+    assert told == ["frame 2: its stamp is that of the previous one: such frames come 33 ms apart"]
+
+
 def test_stamps_that_step_back_are_told_and_the_clock_goes_on(paced):
     found, told, took_s = paced([100.0, 100.1, 50.0, 50.1, 50.2])
     assert took_s < 10

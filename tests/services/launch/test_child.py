@@ -126,6 +126,18 @@ def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
         assert child.news[0].startswith(f"sample_worker ended: {told}: restart")
 
 
+def test_an_unexpected_error_is_told_in_one_line(watch, run_info: RunInfo):
+    start, until = watch
+    bus = Bus(run_info.endpoint, run_info.robot, "reader")
+    events, texts = bus.subscribe(topics.EVENT, 4), []
+    start("faulty")
+    until(lambda: texts.extend(event.text for event in events.drain()) or texts)
+    assert texts[0] == "ValueError: text of a plugin in two lines; the traceback is in its log"
+    bus.close()
+    log = run_info.path / "logs" / "sample_worker.log"
+    until(lambda: "in two lines" in log.read_text() and "Traceback" in log.read_text())
+
+
 def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
     start, until = watch
     bus = Bus(run_info.endpoint, run_info.robot, "reader")

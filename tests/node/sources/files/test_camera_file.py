@@ -57,7 +57,7 @@ def test_reads_an_equidistant_lens(tmp_path):
             {"distortion_model": "fisheye"},
             "distortion_model = fisheye: expected opencv or equidist",
         ),
-        ({"distortion_model": "equidistant"}, r"distortion = \[\] .*: expected 4 finite"),
+        ({"distortion_model": "equidistant"}, r"distortion = \[\] .*: expected 4 numbers"),
         ({"depth_scal": 1000}, "unknown field 'depth_scal': .*did you mean depth_scale"),
     ],
 )

@@ -4,8 +4,11 @@ from datetime import UTC, datetime
 from itertools import pairwise
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from hsslam_node.sources.files.name_stamp import name_stamp_ns
+from hsslam_node.errors import UserError
+from hsslam_node.sources.files.name_stamp import name_stamp_ns, numbered_stamp_ns
 
 _SECOND = int(datetime(2024, 1, 31, 12, 30, 55, tzinfo=UTC).timestamp()) * 1_000_000_000
 
@@ -43,3 +46,18 @@ def test_a_recording_over_a_full_minute_stays_in_order():
     names += [f"2024-01-31_12-31-{s:02d}.{ms}00" for s in range(3) for ms in range(10)]
     stamps = [name_stamp_ns(name) for name in names]
     assert [b - a for a, b in pairwise(stamps)] == [100_000_000] * 59
+
+
+@given(st.integers(0, 2**63 * 30 // 10**9 - 1000))
+def test_a_number_gives_the_time_of_its_frame(number: int):
+    assert (
+        abs(numbered_stamp_ns(number, 30.0) * 30 - number * 10**9) <= 30 * 1024
+    )  # a float64 near 2^63
+
+
+@pytest.mark.parametrize("number", [276_701_161_106, 1403636579763555580, 10**40])
+def test_a_number_that_is_a_time_is_named(number: int):
+    with pytest.raises(
+        UserError, match=rf"frame number {number} in a file name: expected at most 2767011611\d\d;"
+    ):
+        numbered_stamp_ns(number, 30.0)

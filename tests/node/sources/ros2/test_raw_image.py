@@ -33,6 +33,34 @@ def test_colour(encoding, channels, pad):
     np.testing.assert_array_equal(raw(RGB[..., channels], encoding, pad).color(), RGB)
 
 
+@pytest.mark.parametrize(
+    ("encoding", "code"),
+    [
+        ("yuv422", cv2.COLOR_RGB2YUV_UYVY),
+        ("uyvy", cv2.COLOR_RGB2YUV_UYVY),
+        ("yuv422_yuy2", cv2.COLOR_RGB2YUV_YUY2),
+        ("yuyv", cv2.COLOR_RGB2YUV_YUY2),
+    ],
+)
+def test_colour_in_yuv(encoding, code):
+    blocks = RGB[:, :3].repeat(2, axis=1)  # pairs share their colour, as YUV 4:2:2 keeps it
+    image = raw(cv2.cvtColor(blocks, code), encoding, 4)
+    assert image.content == "color"
+    np.testing.assert_allclose(image.color().astype(int), blocks, atol=4)
+    with pytest.raises(BadImageError, match=f"{encoding} of 5x6 pixels: expected an even width"):
+        raw(RGB[..., :2], encoding).color()
+
+
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+def test_colour_of_a_bayer_sensor(order):
+    """Each pixel of the sensor saw one colour; `order`: of a square of 2 x 2, row by row."""
+    seen = np.array(["rgb".index(c) for c in order]).reshape(2, 2)
+    flat = np.array([200, 100, 50], np.uint8)
+    image = raw(np.tile(flat[seen], (4, 4)), f"bayer_{order}8", 3)
+    assert image.content == "color"
+    np.testing.assert_array_equal(image.color(), np.broadcast_to(flat, (8, 8, 3)))
+
+
 def test_grey_is_the_same_in_all_three():
     grey = RGB[..., 1]
     for image in (raw(grey, "mono8", 1), raw(grey.astype(np.uint16) << 8, "mono16", 2)):
@@ -68,7 +96,7 @@ def test_compressed():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: raw(RGB, "bayer_rggb8").color(), "'bayer_rggb8': expected rgb8"),
+        (lambda: raw(RGB, "bayer_rggb16").color(), "'bayer_rggb16': expected rgb8"),
         (lambda: raw(RGB, "rgb8").depth(), "'rgb8': expected 16UC1"),
         (lambda: RawImage(0, "rgb8", RGB.ravel()[:50], 5, 6, 15).color(), "5x6 pixels in 50 bytes"),
         (lambda: RawImage(0, "rgb8", RGB.ravel(), 5, 6, 14).color(), "at least 15 a row"),
@@ -91,7 +119,7 @@ def test_what_does_not_fit_is_told(make, words):
         ("mono16", "depth"),
         ("16UC1", "depth"),
         ("32FC1", "depth"),
-        ("bayer_rggb8", "unknown"),
+        ("bayer_rggb16", "unknown"),
     ],
 )
 def test_what_an_image_shows_follows_from_its_encoding(encoding, content):

@@ -42,8 +42,9 @@ def test_it_says_how_far_apart_they_are():
     pairs = StampPairs(5)
     pairs.add_color(image(0))
     assert pairs.nearest_ns is None
-    pairs.add_depth(image(17))
-    assert pairs.nearest_ns == 17
+    for depth, nearest_ns in ((40, 40), (17, 17), (60, 17)):
+        pairs.add_depth(image(depth))
+        assert pairs.nearest_ns == nearest_ns
 
 
 def _in_turn(color: list[int], depth: list[int]) -> list[tuple[str, int]]:

@@ -1,0 +1,167 @@
+"""Bags with something odd in them: it costs the frames that it concerns, and an error names it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.reports import reports_of
+from hsslam_node.sources.source import BadFrame
+from tests.services.camera.room_bags import ROOM, expect_same, opened, whole_frames
+from tests.services.camera.ros_bags import COLOR, DEPTH, INFO, KINDS, new_bag, written
+
+
+@pytest.fixture(scope="module")
+def room() -> list[Frame]:
+    return whole_frames(open_source("synth:room", ROOM))
+
+
+def test_a_stamp_before_0_is_a_bad_frame(room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        bag.recorded_later_ns = 10**18
+        for frame in room:
+            bag.info(INFO, frame.stamp_ns, frame.camera)
+            stamp_ns = -(10**9) if frame.index == 3 else frame.stamp_ns
+            bag.image(COLOR, stamp_ns, frame.color, "rgb8")
+            bag.image(DEPTH, stamp_ns, frame.depth_raw, "16UC1")
+    bad = [item for item in opened(tmp_path / "bag").frames() if isinstance(item, BadFrame)]
+    assert [item.reason for item in bad] == [
+        f"frame 0: stamp_ns = -1000000000: expected 0 to {2**63 - 1}"
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_frames_of_another_camera_info_are_bad(kind: str, room, tmp_path: Path):
+    """As of a camera that zooms; the control differs by less than a pixel."""
+
+    def write(name: str, fx: float) -> Path:
+        path = tmp_path / (f"{name}.bag" if kind == "bag" else name)
+        with new_bag(path, kind) as bag:
+            for frame in room:
+                zoomed = replace(frame.camera, fx=fx) if frame.index in (2, 3) else frame.camera
+                bag.info(INFO, frame.stamp_ns, zoomed)
+                bag.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
+                bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
+        return path
+
+    camera = room[0].camera
+    items = list(opened(write("zooms", camera.fx + 50)).frames())
+    bad = [item for item in items if isinstance(item, BadFrame)]
+    assert [item.index for item in bad] == [2, 3]
+    assert (
+        f"camera_info changed to 160x120 with fx, fy, cx, cy = {camera.fx + 50:.1f}"
+        in bad[0].reason
+    )
+    assert len(whole_frames(opened(write("steady", camera.fx + 0.5)))) == len(room)
+
+
+def test_an_encoding_that_is_not_supported_is_named(room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        bag.info(INFO, 0, room[0].camera)
+        bag.image(COLOR, 5, room[0].color, "rgb16")
+        bag.image(DEPTH, 5, room[0].depth_raw, "16UC1")
+    with pytest.raises(
+        UserError, match=r"no topics for color: .*encoding 'rgb16', which is not su"
+    ):
+        opened(tmp_path / "bag")
+
+
+def test_names_of_bags(room, tmp_path: Path):
+    whole = written(tmp_path, "bag", room)
+    upper = whole.rename(tmp_path / "UPPER.BAG")
+    folder = written(tmp_path, "mcap", room).rename(tmp_path / "ros2.bag")
+    for path in (upper, folder):
+        expect_same(whole_frames(opened(path, room[0].depth_units_per_m)), room)
+
+
+def test_depth_that_is_recorded_late_has_its_colour(room, tmp_path: Path):
+    """The control has depth of other times, and says so."""
+    frames = [replace(room[k % len(room)], index=k, stamp_ns=33_000_000 * k) for k in range(40)]
+    for name, depth_lag_ns in (("late", 0), ("other", 500_000_000)):
+        with new_bag(tmp_path / name, "mcap") as bag:
+            for frame in frames:
+                bag.recorded_later_ns = 0
+                bag.info(INFO, frame.stamp_ns, frame.camera)
+                bag.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
+                bag.recorded_later_ns = 900_000_000 - depth_lag_ns
+                bag.image(DEPTH, frame.stamp_ns + depth_lag_ns, frame.depth_raw, "16UC1")
+    late, other = opened(tmp_path / "late"), opened(tmp_path / "other")
+    assert (late.frame_count, reports_of(late).take()) == (40, [])
+    (report,) = reports_of(other).take()
+    assert (
+        f"{COLOR}: only {other.frame_count} of 40 images have one of 40 depth images" in report.text
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kept_bytes", [4, 60])
+@pytest.mark.parametrize("at", [0, 3])
+def test_a_message_that_is_cut_off_costs_its_frame(kind: str, kept_bytes, at, room, tmp_path: Path):
+    path = tmp_path / ("cut.bag" if kind == "bag" else "cut")
+    with new_bag(path, kind) as bag:
+        for frame in room:
+            bag.info(INFO, frame.stamp_ns, frame.camera)
+            bag.kept_bytes = kept_bytes if frame.index == at else None
+            bag.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
+            bag.kept_bytes = None
+            bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
+    items = list(opened(path, room[0].depth_units_per_m).frames())
+    expect_same(
+        [item for item in items if isinstance(item, Frame)], [f for f in room if f.index != at]
+    )
+    (bad,) = (item for item in items if isinstance(item, BadFrame))
+    assert bad.index == at and "no sensor_msgs/msg/Image in" in bad.reason
+
+
+def test_a_first_image_of_another_size_is_a_bad_frame(room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for frame in room:
+            part = slice(None, 80 if frame.index == 0 else None)
+            bag.info(INFO, frame.stamp_ns, frame.camera)
+            bag.image(COLOR, frame.stamp_ns, frame.color[part, part], "rgb8")
+            bag.image(DEPTH, frame.stamp_ns, frame.depth_raw[part, part], "16UC1")
+    items = list(opened(tmp_path / "bag").frames())
+    assert [isinstance(item, BadFrame) for item in items] == [k == 0 for k in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("color", "is_rectified"),
+    [
+        ("/camera_direct/image_raw", False),
+        ("/camera/image_rect_color", True),
+        ("/left_rect/image", True),
+        ("/camera/rectified/image", True),
+    ],
+)
+def test_images_are_rectified_if_a_word_of_their_topic_says_so(color, is_rectified, room, tmp_path):
+    lens = (0.3, -0.1, 0.0, 0.0, 0.0)
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        bag.info(INFO, 0, replace(room[0].camera, distortion=lens))
+        bag.image(color, 5, room[0].color, "rgb8")
+        bag.image(DEPTH, 5, room[0].depth_raw, "16UC1")
+    (frame,) = whole_frames(opened(tmp_path / "bag"))
+    assert np.array_equal(frame.color, room[0].color) == is_rectified
+    assert frame.camera.fx == (2 if is_rectified else 1) * room[0].camera.fx  # of P, or of K
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compressed_images_of_another_size_are_bad_frames(kind: str, room, tmp_path: Path):
+    """Of formats whose headers are not read, and turned ones; a lens must not hide it."""
+    path = tmp_path / ("sizes.bag" if kind == "bag" else "sizes")
+    with new_bag(path, kind) as bag:
+        bag.info(INFO, 0, replace(room[0].camera, distortion=(0.2, -0.1, 0.0, 0.0, 0.0)))
+        for frame in room:
+            part = slice(None, None, 2 if frame.index == 2 else 1)
+            pixels = frame.color[part, part]
+            pixels = np.swapaxes(pixels, 0, 1) if frame.index == 4 else pixels
+            data = cv2.imencode(".bmp", np.ascontiguousarray(pixels[..., ::-1]))[1].ravel()
+            bag.file(f"{COLOR}/compressed", frame.stamp_ns, data, "bmp")
+            bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
+    bad = [item for item in opened(path).frames() if isinstance(item, BadFrame)]
+    assert [item.index for item in bad] == [2, 4]
+    assert bad[0].reason == "colour of 80x60 pixels: expected 160x120 as before"
