@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+_LONGEST_TEXT = 300
+
 
 class UserError(Exception):
     """Bad input. Its text is one line: the file, topic, field or option, the value, what was expected.
@@ -16,8 +18,9 @@ class OutOfMemoryError(UserError):
 
 
 def one_line(error: Exception) -> str:
-    """Type and text of another package's error, on one line for users."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+    """Type and text of another package's error, on one line for users, at most 300 characters of it."""
+    text = " ".join(str(error).split())[:_LONGEST_TEXT]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.5) -> str:

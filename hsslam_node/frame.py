@@ -32,6 +32,8 @@ class Frame:
     imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
+        if self.index < 0:
+            raise UserError(f"frame index {self.index}: expected 0 or more")
         if self.stamp_ns not in _STAMPS:
             raise UserError(
                 f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 0 to {_STAMPS[-1]}"

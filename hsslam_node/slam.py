@@ -4,6 +4,7 @@ The service runs the same parts in separate processes; in lockstep it does the s
 order, so the poses are the same.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,9 +78,13 @@ class Slam:
         joins the first map where they overlap; 0: never.
 
         Raises:
-            UserError: the saved map (see `restore_map`) or the device cannot be used, or `localise_only`
-                has no saved map.
+            UserError: the saved map (see `restore_map`) or the device cannot be used, `localise_only` has no
+                saved map, or a number is out of range.
         """
+        if not 0 <= new_map_after_s < math.inf:
+            raise UserError(f"new_map_after_s = {new_map_after_s}: expected seconds, 0 or more")
+        if seed < 0:
+            raise UserError(f"seed = {seed}: expected 0 or more")
         self.config = config
         self.localise_only = localise_only
         self.seed = seed

@@ -1,5 +1,6 @@
 """A dense map and its queries: distances, rays, free space, views, mesh and keyframes."""
 
+import threading
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 class DenseMap:
     """One version of a map. Points, poses and distances are metres in the world of the map.
 
-    `SavedMap` opens one from a file, `Slam.map` is the map so far.
+    `SavedMap` opens one from a file, `Slam.map` is the map so far. Threads may ask it at once.
 
     Args:
         layout: of the parameters.
@@ -70,6 +71,8 @@ class DenseMap:
         self._max_depth_m = max_depth_m
         space = SeenSpace(self._truncation_m, max_depth_m=max_depth_m, far_m=far_m)
         self._look = seen or partial(space.follow, keyframes)
+        self._looking = threading.Lock()
+        self._found: SeenCells | None = None  # what `_look` returned
 
     @property
     def bound(self) -> Bound:
@@ -115,8 +118,8 @@ class DenseMap:
         start = finite_rows("origins", origins, 3)
         along = finite_rows("directions", directions, 3)
         largest = np.abs(along).max(axis=1, keepdims=True)
-        if not max_m >= 0:
-            raise UserError(f"max_m = {max_m}: expected metres, 0 or more")
+        if not (isinstance(max_m, int | float | np.number) and max_m >= 0):
+            raise UserError(f"max_m = {max_m!r}: expected metres, 0 or more")
         if len(start) != len(along) or not (largest > 0).all():
             raise UserError(
                 f"directions {list(along.shape)}: expected one for each of {len(start)} origins, "
@@ -201,6 +204,9 @@ class DenseMap:
     def _renderer(self) -> MapRenderer:
         return MapRenderer(self._layout, self._params, self._sampling)
 
-    @cached_property
+    @property
     def _seen(self) -> SeenCells:
-        return self._look()
+        with self._looking:  # from Python 3.12 on, `cached_property` has no lock
+            if self._found is None:
+                self._found = self._look()
+            return self._found

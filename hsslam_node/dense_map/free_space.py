@@ -27,8 +27,16 @@ def are_free(shapes: Shapes, ask: Ask, known_m: float = 0.05) -> np.ndarray:
     free = np.ones(len(shapes), np.bool_)
     for first in range(0, len(shapes), _AT_ONCE):
         of = np.arange(first, min(first + _AT_ONCE, len(shapes)))
-        _look_into(free, of, shapes, ask, known_m / 2)
+        _probe(free, of, shapes, ask)
+        _look_into(free, of[free[of]], shapes, ask, known_m / 2)
     return free
+
+
+def _probe(free: np.ndarray, of: np.ndarray, shapes: Shapes, ask: Ask) -> None:
+    """Clear `free` for bodies `of` with a point that was not seen: for long ones `_look_into` is slow."""
+    probes = shapes.probes(of)  # [M, P, 3]
+    _, known = ask(probes.reshape(-1, 3))
+    free[of] = known.reshape(probes.shape[:2]).all(axis=1)
 
 
 def _look_into(

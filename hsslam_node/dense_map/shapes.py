@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import are_rigid
 
 _MOST_M = 1e6  # of a body; far larger than a map, far below overflow
+_WITHIN = 0.98  # of a half side, for points within a body
+_PROBES_A_SIDE = 3
 
 
 class Shapes(Protocol):
@@ -19,6 +22,10 @@ class Shapes(Protocol):
 
     def around(self) -> tuple[np.ndarray, np.ndarray]:
         """Centres [N, 3] m, world, and half sides [N] m of cubes along the world's axes around them."""
+        ...
+
+    def probes(self, of: np.ndarray) -> np.ndarray:
+        """A few points within each of the bodies `of` [M], up to its ends, [M, P, 3] m, world."""
         ...
 
     def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
@@ -52,6 +59,12 @@ class Spheres:
         """See `Shapes`."""
         return self.centres, np.asarray(self.radius_m)
 
+    def probes(self, of: np.ndarray) -> np.ndarray:
+        """See `Shapes`."""
+        ends = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])  # [7, 3]
+        reach = _WITHIN * np.asarray(self.radius_m)[of, None, None]
+        return self.centres[of, None] + reach * ends
+
     def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
         """See `Shapes`."""
         return np.linalg.norm(points - self.centres[of], axis=1) - np.asarray(self.radius_m)[of]
@@ -69,9 +82,9 @@ class Boxes:
     size_m: np.ndarray
 
     def __post_init__(self) -> None:
-        expected = "expected finite transforms [N, 4, 4]"
+        expected = "expected finite transforms [N, 4, 4], of a rotation and a translation"
         T = _numbers("T_world_box", self.T_world_box, expected)
-        if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
+        if T.ndim != 3 or T.shape[1:] != (4, 4) or not are_rigid(T):
             raise UserError(f"T_world_box {_short(T)}: {expected}")
         expected = f"expected metres above 0, at most {_MOST_M:g}, [3] or [N, 3]"
         size_m = _numbers("size_m", self.size_m, expected)
@@ -82,8 +95,14 @@ class Boxes:
 
     @classmethod
     def between(cls, low: np.ndarray, high: np.ndarray) -> "Boxes":
-        """Boxes along the world's axes, from corners `low` [N, 3] m to corners `high` [N, 3] m."""
+        """Boxes along the world's axes, from corners `low` [N, 3] m to corners `high` [N, 3] m.
+
+        Raises:
+            UserError: wrong or different shapes, or a corner `high` that is not above its `low`.
+        """
         low, high = finite_rows("low", low, 3), finite_rows("high", high, 3)
+        if len(low) != len(high):
+            raise UserError(f"high [{len(high)}, 3]: expected [{len(low)}, 3] as low")
         T = np.tile(np.eye(4), (len(low), 1, 1))
         T[:, :3, 3] = (low + high) / 2
         return cls(T, high - low)
@@ -95,6 +114,14 @@ class Boxes:
         """See `Shapes`."""
         reach = np.abs(self.T_world_box[:, :3, :3]) @ (self.size_m[:, :, None] / 2)  # [N, 3, 1]
         return self.T_world_box[:, :3, 3], reach.max(axis=(1, 2))
+
+    def probes(self, of: np.ndarray) -> np.ndarray:
+        """See `Shapes`."""
+        steps = np.linspace(-_WITHIN, _WITHIN, _PROBES_A_SIDE)
+        lattice = np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)  # [27, 3]
+        inside = lattice * self.size_m[of, None] / 2  # [M, 27, 3]
+        R, t = self.T_world_box[of, :3, :3], self.T_world_box[of, None, :3, 3]
+        return np.einsum("nij,npj->npi", R, inside) + t
 
     def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
         """See `Shapes`."""

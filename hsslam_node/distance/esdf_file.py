@@ -18,8 +18,8 @@ def write_esdf(path: Path, distances: DistanceMap, floor: FloorPlane) -> None:
 
     | array | |
     |---|---|
-    | `distance_m` [nx, ny, nz] float32 | m to the nearest surface, negative inside, nan: not known |
-    | `states` [nx, ny, nz] uint8 | 0 unknown, 1 free, 2 occupied |
+    | `distance_m` [nx, ny, nz] float32 | m to the nearest surface, negative inside, nan far from seen space |
+    | `states` [nx, ny, nz] uint8 | 0 unknown (the distance is a guess), 1 free, 2 occupied |
     | `voxel_m`, `first` [3] | voxel (i, j, k) has its middle at `voxel_m * (first + (i, j, k) + 0.5)` |
     | `T_grid_world` [4, 4] | from the frame of the run to that of the voxels |
     | `up` [3], `up_source` | direction against gravity in the frame of the run, and how it was found |

@@ -8,7 +8,7 @@ import numpy as np
 
 from hsslam_node.distance.floor_plane import FloorPlane
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, GridMap
-from hsslam_node.durable_file import write_durably
+from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 
 _FREE_GREY, _UNKNOWN_GREY, _OCCUPIED_GREY = 254, 205, 0  # as the map saver of Nav2 writes them
@@ -16,12 +16,12 @@ _OCCUPIED_ABOVE, _FREE_BELOW = 0.65, 0.196  # of 1 - grey / 255, which is 0.1961
 
 
 def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None) -> Path:
-    """Write `path`, which ends in .yaml, and a .pgm beside it; returns the path of that.
+    """Write `path`, which ends in .yaml, and a .pgm beside it, or neither; returns the path of that.
 
     The map's frame is the floor's: z up, the floor at z = 0. A comment says how up was found.
 
     Raises:
-        UserError: the path does not end in .yaml, or cannot be written.
+        UserError: the path does not end in .yaml, or one of the files cannot be written.
     """
     if path.suffix.lower() != ".yaml":
         raise UserError(f"{path}: expected a name that ends in .yaml, as map.yaml")
@@ -44,9 +44,13 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
     if floor is not None:
         up = ", ".join(f"{value:.6f}" for value in floor.up)
         lines.insert(0, f"# up is [{up}] in the frame of the run, by its {floor.source}")
+    for file in (path, picture):
+        if file.is_dir():
+            raise UserError(f"{file}: is a folder: expected a file, or a new name")
     try:
-        write_durably(picture, head.encode() + np.flipud(grey).tobytes())
-        write_durably(path, ("\n".join(lines) + "\n").encode())
+        with durable_file(picture) as new_picture, durable_file(path) as new_text:
+            new_picture.write_bytes(head.encode() + np.flipud(grey).tobytes())
+            new_text.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
         raise UserError(f"{path}: cannot write the map: {error.strerror}") from None
     return picture
@@ -54,4 +58,8 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
 
 def _plain_or_quoted(name: str) -> str:
     """As YAML reads it back: a string of JSON is one of YAML, too."""
-    return name if re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]*", name) else json.dumps(name)
+    return (
+        name
+        if re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]*", name)
+        else json.dumps(name, ensure_ascii=False)
+    )

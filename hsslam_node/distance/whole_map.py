@@ -18,6 +18,10 @@ _OUTLIERS = 0.002  # share of the points of a view that may lie outside, on each
 _MARGIN_M = 0.2
 
 
+class NoDepthError(UserError):
+    """No view has depth that may be used."""
+
+
 def whole_map(
     views: Sequence[tuple[np.ndarray, np.ndarray]],
     camera: Camera,
@@ -35,12 +39,14 @@ def whole_map(
         max_depth_m: depth beyond this is not used.
 
     Raises:
-        UserError: no view has depth, or the space is too large for such voxels.
+        NoDepthError: no view has depth nearer than `far_m` and `max_depth_m`.
+        UserError: the space is too large for such voxels.
     """
     T = floor.T_floor_world
+    used_m = min(far_m, max_depth_m)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for depth_m, T_world_cam in views:
-        near_m = np.where(depth_m < min(far_m, max_depth_m), depth_m, 0)
+        near_m = np.where(depth_m < used_m, depth_m, 0)
         points = world_points(near_m, camera, T @ T_world_cam, _STRIDE_PX)
         if len(points) == 0:
             continue
@@ -48,7 +54,7 @@ def whole_map(
         low = np.minimum(low, np.minimum(np.quantile(points, _OUTLIERS, axis=0), position))
         high = np.maximum(high, np.maximum(np.quantile(points, 1 - _OUTLIERS, axis=0), position))
     if not np.isfinite(low).all():
-        raise UserError("distances: no view has depth: expected some")
+        raise NoDepthError(f"no view has depth below {used_m:g} m: expected some")
     grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), voxel_m)
     occupancy = Occupancy(grid, T, far_m, max_depth_m)
     for depth_m, T_world_cam in views:

@@ -17,6 +17,7 @@ from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import are_rigid
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.layout import FieldLayout
@@ -140,12 +141,12 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             images=_images(tensors, metadata),
             second_moment=None if moment is None else _from_bfloat16(moment),
             step=int(metadata.get("step", "0")),
-            max_depth_m=json.loads(metadata.get("max_depth_m", "null")),
+            max_depth_m=_max_depth_m(metadata),
             gravity=_part(metadata, "gravity", Gravity),
             keyframe_gaps=tensors.get("keyframes/gaps"),
             T_level_world=_level_frame(metadata),
         )
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         text = " ".join(str(error).split())
         raise UserError(f"{path}: damaged map: {text or type(error).__name__}") from None
 
@@ -176,11 +177,14 @@ def _layout(path: Path, metadata: dict[str, str]) -> FieldLayout:
             raise UserError(f"{path}: field.{name}: expected an option of the field{hint}")
     low, high = json.loads(metadata["bound"])
     first = json.loads(metadata.get("first_bound", "null"))
-    return FieldLayout(
-        FieldConfig(**values),
-        Bound(tuple(low), tuple(high)),
-        Bound(tuple(first[0]), tuple(first[1])) if first else None,
-    )
+    try:
+        return FieldLayout(
+            FieldConfig(**values),
+            Bound(tuple(low), tuple(high)),
+            Bound(tuple(first[0]), tuple(first[1])) if first else None,
+        )
+    except UserError as error:
+        raise ValueError(str(error)) from None
 
 
 def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheckpoint:
@@ -189,9 +193,17 @@ def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheck
         tensor = tensors[f"field/{block.name}"]
         _expect(f"field/{block.name}", tensor, block.shape, np.float32)
         block.view(params)[...] = tensor
-    return MapCheckpoint(
-        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
-    )
+    T_world_keyframe = tensors["keyframes/T_world_keyframe"]
+    if not are_rigid(T_world_keyframe):
+        raise ValueError("T_world_keyframe has a matrix that is no pose")
+    return MapCheckpoint(layout, params, tensors["keyframes/stamps_ns"], T_world_keyframe)
+
+
+def _max_depth_m(metadata: Mapping[str, str]) -> float | None:
+    value = json.loads(metadata.get("max_depth_m", "null"))
+    if value is not None and not (isinstance(value, int | float) and 0 < value < np.inf):
+        raise ValueError(f"max_depth_m = {value!r}, not metres above 0")
+    return value
 
 
 def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
@@ -207,7 +219,12 @@ def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
 
 def _level_frame(metadata: Mapping[str, str]) -> np.ndarray | None:
     rows = json.loads(metadata.get("T_level_world", "null"))
-    return None if rows is None else np.array(rows, np.float64)
+    if rows is None:
+        return None
+    T = np.array(rows, np.float64)
+    if T.shape != (4, 4) or not are_rigid(T[None]):
+        raise ValueError("T_level_world is no pose")
+    return T
 
 
 def _images(

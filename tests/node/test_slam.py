@@ -1,5 +1,6 @@
 """The whole algorithm on forty small frames: accurate, and the same to the bit with one seed."""
 
+import math
 from copy import copy
 from dataclasses import replace
 from functools import cache
@@ -155,6 +156,15 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0))
     slam.finish()
     assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005
+
+
+@pytest.mark.parametrize(
+    "given", [{"new_map_after_s": -1.0}, {"new_map_after_s": math.nan}, {"seed": -1}]
+)
+def test_numbers_out_of_range_are_named(given):
+    (name,) = given
+    with pytest.raises(UserError, match=rf"{name} = .*: expected .*0 or more"):
+        Slam(SMALL, **given)
 
 
 def test_without_a_frame_there_is_no_map():

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from hsslam_node.device.gpu_memory import gpu_memory_errors
-from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_node.errors import OutOfMemoryError, UserError, one_line
 from hsslam_services.arena.process_registry import enter_process
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.process_table import PROCESSES
@@ -21,8 +21,6 @@ from hsslam_services.run.memory import return_large_arrays
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL, leave_stop_signals_to_supervisor
-
-_LONGEST_TEXT = 300
 
 
 def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
@@ -59,7 +57,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
                 raise
             except Exception as error:  # of a plugin, or a fault of ours
                 with contextlib.suppress(Exception):
-                    worker.event("error", f"{_in_one_line(error)}; the traceback is in its log")
+                    worker.event("error", f"{one_line(error)}; the traceback is in its log")
                 raise
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
@@ -68,12 +66,6 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
             write_result(run_dir, name, ProcessResult(error=str(error), lacks_memory=lacks_memory))
         _end(2)
     _end(0)
-
-
-def _in_one_line(error: Exception) -> str:
-    """Type and text of an error, without line breaks."""
-    text = " ".join(str(error).split())[:_LONGEST_TEXT]
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _end(code: int) -> NoReturn:

@@ -135,9 +135,9 @@ def _run(worker: Worker) -> None:
 def _expect_order(source: Source, frame: Frame, last_index: int) -> None:
     """Raise UserError unless the index of the frame is above the last one; that of a plugin may not be."""
     if frame.index <= last_index:
-        after = "the first frame" if last_index < 0 else f"the frame after frame {last_index}"
         raise UserError(
-            f"source {source.name}: {after} has index {frame.index}: expected {last_index + 1} or more"
+            f"source {source.name}: the frame after frame {last_index} has index {frame.index}: expected "
+            f"{last_index + 1} or more"
         )
 
 

@@ -1,5 +1,6 @@
 """What the map of the small room says of places, rays and bodies, against the room's true surface."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -157,6 +158,16 @@ def test_a_view_is_what_the_camera_saw():
     assert color.dtype == np.uint8 and color.shape == frame.color.shape
     difference = np.abs(color.astype(int) - frame.color)[both]
     assert np.median(difference) < 25
+
+
+def test_threads_may_render_at_once():
+    poses = room_poses()[:4]
+    alone = [_map().render(pose) for pose in poses]
+    with ThreadPoolExecutor(len(poses)) as threads:
+        together = list(threads.map(_map().render, list(poses) * 4))
+    for k, (color, depth_m) in enumerate(together):
+        np.testing.assert_array_equal(color, alone[k % len(poses)][0])
+        np.testing.assert_array_equal(depth_m, alone[k % len(poses)][1])
 
 
 def test_a_pose_may_be_a_list():

@@ -1,6 +1,7 @@
 """Bodies in an analytic room: free where, and only where, no surface is in them."""
 
 import numpy as np
+import pytest
 
 from hsslam_node.dense_map.free_space import are_free
 from hsslam_node.dense_map.shapes import Boxes, Spheres
@@ -58,6 +59,20 @@ def test_the_largest_bodies_are_not_free():
     inside = np.array([[0.0, 0.0, -0.6]])
     assert not are_free(Spheres(inside, 1e6), _ask).any()
     assert not are_free(Boxes.between(inside - 5e5, inside + 5e5), _ask).any()
+
+
+@pytest.mark.parametrize("size_m", [(1e6, 1e-3, 1e-3), (10.0, 10.0, 1e-3), (1e-3, 5.0, 3.0)])
+def test_a_long_thin_body_that_leaves_the_seen_space_is_looked_at_only_at_a_few_points(size_m):
+    asked = []
+
+    def ask(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(points))
+        return _ask(points)
+
+    T = np.eye(4)
+    T[2, 3] = -0.6
+    assert not are_free(Boxes(T[None], np.array(size_m)), ask).any()
+    assert sum(asked) == 27
 
 
 def test_a_body_of_which_no_distance_is_known_is_not_free():

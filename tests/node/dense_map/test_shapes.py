@@ -29,6 +29,16 @@ def test_points_of_a_box_are_within_it_and_its_cube(twist, size_m, seed):
     assert (np.abs(within - centres[0]) <= half[0] + 1e-9).all()
 
 
+@given(twists, sizes)
+def test_probes_are_within_the_body_and_reach_its_ends(twist, size_m):
+    boxes = Boxes(np.tile(se3_exp(np.array(twist)), (2, 1, 1)), np.array(size_m))
+    spheres = Spheres(boxes.T_world_box[:, :3, 3], size_m[0])
+    for bodies, reach_m in ((boxes, min(size_m) / 2), (spheres, size_m[0])):
+        probes = bodies.probes(np.array([1]))[0]
+        depth_m = bodies.distance_m(probes, np.ones(len(probes), int))
+        assert (depth_m < 0).all() and depth_m.max() > -0.03 * reach_m
+
+
 def test_a_box_between_corners_is_that_box():
     box = Boxes.between(np.array([[0, 0, 0], [1, 1, 1]]), np.array([[1, 2, 3], [2, 2, 4]]))
     points = np.array([[0.5, 1, 1.5], [-1, 1, 1.5], [1.5, 1.5, 5.0]])
@@ -57,6 +67,13 @@ def test_a_sphere_has_one_radius_or_each_its_own():
         (lambda: Boxes(np.eye(4)[None], np.array([1, np.inf, 1])), "size_m .*inf.*at most 1e.06"),
         (lambda: Boxes.between([[-1e200] * 3], [[1e200] * 3]), "size_m .*e.200"),
         (lambda: Boxes.between(np.ones((1, 3)), np.zeros((1, 3))), "size_m"),
+        (
+            lambda: Boxes.between(np.zeros((1, 3)), np.ones((2, 3))),
+            r"high \[2, 3\]: expected \[1, 3\]",
+        ),
+        (lambda: Boxes(np.zeros((1, 4, 4)), np.ones(3)), "T_world_box .*of a rotation and a tra"),
+        (lambda: Boxes(np.diag([2.0, 2, 2, 1])[None], np.ones(3)), "T_world_box .*of a rotation"),
+        (lambda: Boxes(np.diag([1.0, 1, -1, 1])[None], np.ones(3)), "T_world_box .*of a rotation"),
     ],
 )
 def test_what_is_no_shape_is_refused_in_one_line(make, text):

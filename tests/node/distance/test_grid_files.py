@@ -180,3 +180,20 @@ def test_a_damaged_file_of_distances_is_refused(distances, tmp_path):
         path.write_bytes(data)
         with pytest.raises(UserError, match=r"esdf\.npz: not a file of distances: "):
             read_esdf(path)
+
+
+@pytest.mark.parametrize("taken", ["map.yaml", "map.pgm"])
+def test_a_grid_whose_one_file_cannot_be_written_leaves_the_older_other(distances, tmp_path, taken):
+    other = tmp_path / ("map.pgm" if taken == "map.yaml" else "map.yaml")
+    other.write_text("older")
+    (tmp_path / taken).mkdir()
+    with pytest.raises(UserError, match=rf"{taken}: is a folder: expected a file"):
+        write_nav2_files(tmp_path / "map.yaml", grid_map(distances), FLOOR)
+    assert other.read_text() == "older"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.pgm", "map.yaml"]
+
+
+def test_the_picture_of_a_grid_may_have_any_name(distances, tmp_path):
+    path = tmp_path / "étage \U0001f916.yaml"
+    picture = write_nav2_files(path, grid_map(distances), FLOOR)
+    assert yaml.safe_load(path.read_text(encoding="utf-8"))["image"] == picture.name

@@ -142,6 +142,35 @@ def test_unknown_option_names_the_nearest(saved, checkpoint):
         load_checkpoint(saved)
 
 
+@pytest.mark.parametrize("value", [0.0, np.nan, 1e300, 2.0, -1.0])
+def test_a_keyframe_without_a_pose_is_told(checkpoint, saved, value):
+    poses = checkpoint.T_world_keyframe.copy()
+    poses[1, 0, 0] = value
+    save_checkpoint(saved, replace(checkpoint, T_world_keyframe=poses))
+    with pytest.raises(
+        UserError, match=r"map\.safetensors: damaged map: T_world_keyframe has a ma"
+    ):
+        load_checkpoint(saved)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("max_depth_m", '"a"', "max_depth_m = 'a', not metres above 0"),
+        ("max_depth_m", "-1", "max_depth_m = -1, not metres above 0"),
+        ("max_depth_m", "NaN", "max_depth_m = nan, not metres above 0"),
+        ("field", '{"plane_channels": -3}', "plane_channels"),
+        ("bound", "[[1, 1, 1], [0, 0, 0]]", "expected"),
+        ("camera", "[" * 100_000, "maximum recursion depth"),
+    ],
+)
+def test_metadata_that_cannot_be_used_are_told(saved, name, text, problem):
+    _rewrite_metadata(saved, version="2", **{name: text})
+    with pytest.raises(UserError, match=r"map\.safetensors: damaged map: ") as told:
+        load_checkpoint(saved)
+    assert problem in str(told.value)
+
+
 def test_tensors_of_another_size_are_told(saved):
     _rewrite_metadata(saved, version="2", bound=json.dumps([[-0.51, 0.1, 0.2], [5.0, 0.8, 0.9]]))
     with pytest.raises(UserError, match="damaged map: field/"):

@@ -29,10 +29,11 @@ class EsdfOptions:
     Example:
       hsslam-map esdf runs/desk --out esdf.npz
 
-    Arrays: distance_m [nx, ny, nz] (m, negative inside, nan if unknown), states [nx, ny, nz]
-    (0 unknown, 1 free, 2 occupied), voxel_m, first [3] (voxel i, j, k has its middle at voxel_m times
-    first + i, j, k + 0.5), T_grid_world [4, 4] (from the world of the map to the frame of hsslam-map grid,
-    z up and the floor at z = 0), up [3], up_source, floor_height_m.
+    Arrays: distance_m [nx, ny, nz] (m, negative inside, nan far from seen space), states [nx, ny, nz]
+    (0 unknown, 1 free, 2 occupied; the distance of an unknown voxel is a guess), voxel_m, first [3]
+    (voxel i, j, k has its middle at voxel_m times first + i, j, k + 0.5), T_grid_world [4, 4] (from the
+    world of the map to the frame of hsslam-map grid, z up and the floor at z = 0), up [3], up_source,
+    floor_height_m.
 
     Raises:
         UserError: an option has a value that cannot be used.

@@ -16,6 +16,7 @@ from hsslam_node.export.usd_file import expect_usd, write_usd
 from hsslam_services.commands.maps.export_views import (
     colors_of,
     expect_new_folder,
+    images_of,
     write_colmap,
     write_nerfstudio,
 )
@@ -23,6 +24,7 @@ from hsslam_services.commands.maps.surface import expect_voxel, out_file, surfac
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
 _TEXTURED = ("glb", "obj")
+_OF_VIEWS = ("nerfstudio", "colmap")
 Format = Literal["ply", "glb", "obj", "usd", "pcd", "nerfstudio", "colmap"]
 
 
@@ -77,6 +79,11 @@ class ExportOptions:
         if self.texture and self.written not in _TEXTURED:
             expected = f"expected {' or '.join(_TEXTURED)}"
             raise UserError(f"--texture: --format {self.written}: {expected}")
+        known = [Path(kind.default_out).suffix for kind in _KINDS.values()]
+        suffix = self.out.suffix.lower() if self.out else ""
+        if self.format is None and suffix not in ("", *known):
+            expected = ", ".join(s for s in known if s)
+            raise UserError(f"--out {self.out}: expected a file {expected}, or --format")
         if not 256 <= self.texture_px <= 16384:
             raise UserError(f"--texture-px {self.texture_px}: expected 256 to 16384")
 
@@ -95,6 +102,8 @@ def export_map(options: ExportOptions) -> None:
     out = options.out or Path(kind.default_out)
     kind.expect(out)
     saved = SavedMap.open(path, options.device)
+    if options.texture or options.written in _OF_VIEWS:
+        images_of(saved)  # a mesh takes a while
     mesh = surface(saved, path, options.voxel)
     if options.texture:
         from hsslam_services.commands.maps.export_texture import write_textured

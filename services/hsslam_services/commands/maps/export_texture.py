@@ -13,6 +13,7 @@ from hsslam_node.device.device import CPU
 from hsslam_node.errors import UserError
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.texture.textured_mesh import textured_mesh
+from hsslam_services.commands.maps.export_views import images_of
 from hsslam_services.commands.maps.surface import out_file
 
 
@@ -26,11 +27,7 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
         UserError: the map has no images, an image is damaged, the texture is too small for the mesh, or a
             file cannot be written.
     """
-    images = saved.checkpoint.images
-    if images is None:
-        raise UserError(
-            "--texture: the map was saved without keyframe images: expected a map of version 3"
-        )
+    images = images_of(saved)
     keyframes = saved.keyframes
 
     def color(k: int) -> np.ndarray:

@@ -34,7 +34,7 @@ def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
     Raises:
         UserError: the map has no images, an image is damaged, or the folder cannot be written.
     """
-    images, keyframes = _images_of(saved), saved.keyframes
+    images, keyframes = images_of(saved), saved.keyframes
     names = _names(images)
     text = transforms_json(keyframes.camera, keyframes.T_world_cam, names, _POINTS)
     with out_folder(out) as folder:
@@ -56,7 +56,7 @@ def write_colmap(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
     Raises:
         UserError: the map has no images, an image is damaged, or the folder cannot be written.
     """
-    images, keyframes = _images_of(saved), saved.keyframes
+    images, keyframes = images_of(saved), saved.keyframes
     names, order = _names(images), np.random.default_rng(0).permutation(len(mesh.vertices))
     points, colors, camera = (
         np.asarray(mesh.vertices)[order],
@@ -80,7 +80,8 @@ def colors_of(mesh: Trimesh) -> np.ndarray:
     return np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
 
 
-def _images_of(saved: SavedMap) -> KeyframeImages:
+def images_of(saved: SavedMap) -> KeyframeImages:
+    """The images of the keyframes; UserError if the map has none."""
     if saved.checkpoint.images is None:
         raise UserError("the map was saved without keyframe images: expected a map of version 3")
     return saved.checkpoint.images
@@ -105,15 +106,21 @@ def _summary(images: KeyframeImages, mesh: Trimesh) -> str:
 def out_folder(out: Path) -> Iterator[Path]:
     """A temporary folder that becomes `--out` at the end of the block; if the block raises, it is removed.
 
+    If `--out` exists, which may be a link or a mount point, the contents are moved into it.
+
     Raises:
         UserError: the folder cannot be written.
     """
-    out = out.absolute()
-    partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
+    out, name = out.absolute(), f".{out.name}.{os.getpid()}.partial"
+    partial = out / name if out.is_dir() else out.with_name(name)
     try:
         partial.mkdir()
         yield partial
-        partial.replace(out)
+        if partial.parent == out:
+            for path in sorted(partial.iterdir()):
+                path.replace(out / path.name)
+        else:
+            partial.replace(out)
     except OSError as error:
         raise UserError(
             f"--out {out}: {error.strerror}: expected a folder that can be written"

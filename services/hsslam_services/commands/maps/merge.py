@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.choose_device import choose_device
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.map.allocator import MemoryAllocator
@@ -59,6 +60,10 @@ class MergeOptions:
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """Where the map is fitted; auto: an NVIDIA GPU if one works."""
 
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise UserError(f"--seed {self.seed}: expected 0 or more")
+
 
 def merge_runs(options: MergeOptions) -> None:
     """Run the command."""
@@ -92,9 +97,10 @@ def merge_runs(options: MergeOptions) -> None:
 
 
 def _frames(file: Path) -> Trajectory | None:
-    """The trajectory of a run, beside its map; None if there is only the map."""
+    """The trajectory of a run, beside its map; None if there is only the map, or no pose in it."""
     path = file.with_name(_TRAJECTORY)
-    return read_tum(path) if path.is_file() else None
+    found = read_tum(path) if path.exists() else None
+    return found if found is not None and len(found.stamps_ns) else None
 
 
 def _summary(found: JoinedMap) -> str:

@@ -1,6 +1,5 @@
 """`hsslam-render`: renders images of a saved map along a trajectory."""
 
-import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -71,8 +70,8 @@ class RenderOptions:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
         if self.fov_deg is not None and not 1 <= self.fov_deg <= 170:
             raise UserError(f"--fov-deg {self.fov_deg}: expected 1 to 170 degrees")
-        if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 240):
-            raise UserError(f"--rate-hz {self.rate_hz}: expected above 0, 240 at most")
+        if not 0.1 <= self.rate_hz <= 240:
+            raise UserError(f"--rate-hz {self.rate_hz}: expected 0.1 to 240")
         if self.video is not None and not (
             self.video.suffix.lower() in _CODECS and self.video.absolute().parent.is_dir()
         ):
@@ -115,6 +114,7 @@ def _render(options: RenderOptions) -> None:
             try:
                 path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
             except OSError as error:
+                path.unlink(missing_ok=True)  # half an image
                 expected = "expected free space and permission"
                 raise UserError(f"{path}: {error.strerror}: {expected}") from None
             film(image)

@@ -23,14 +23,20 @@ def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
     """The coloured mesh of the surface that the keyframes saw (m, world); errors name `path`.
 
     Raises:
-        UserError: the keyframes saw no surface.
+        UserError: the keyframes saw no surface that voxels of this size show, or the voxels are too many.
     """
     if saved.checkpoint.images is None:
         _draw_views(saved)
-    mesh = saved.mesh(voxel_m)
+    try:
+        mesh = saved.mesh(voxel_m)
+    except UserError as error:
+        raise UserError(
+            str(error).replace(f"mesh.voxel_m = {voxel_m}", f"--voxel {voxel_m:g}")
+        ) from None
     if len(mesh.faces) == 0:
         raise UserError(
-            f"{path}: its {len(saved.keyframes)} keyframes see no surface: expected a map with a surface"
+            f"{path}: its {len(saved.keyframes)} keyframes see no surface with --voxel {voxel_m:g}: expected "
+            "smaller voxels, or a map with a surface"
         )
     return mesh
 

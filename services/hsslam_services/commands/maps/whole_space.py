@@ -9,7 +9,7 @@ from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import GridSizeError
-from hsslam_node.distance.whole_map import whole_map
+from hsslam_node.distance.whole_map import NoDepthError, whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
 from hsslam_node.presets import REALTIME
@@ -83,7 +83,7 @@ def floor_and_space(
     """
     views, camera, known = saved.keyframes.views, saved.keyframes.camera, saved.checkpoint
     if up:
-        floor = find_floor(views, camera, np.array(up))
+        floor = find_floor(views, camera, np.array(up) / math.hypot(*up))
     else:
         given = level_frame(base_T_camera, in_ros=False)
         level = known.T_level_world if given is None else given
@@ -92,6 +92,8 @@ def floor_and_space(
         return floor, whole_map(views, camera, floor, voxel_m, far_m, saved.max_depth_m)
     except GridSizeError as error:
         raise UserError(f"--voxel {voxel_m:g}: {error}") from None
+    except NoDepthError as error:
+        raise UserError(f"--far-m {far_m:g}: {error}") from None
 
 
 def told_up(floor: FloorPlane) -> str:

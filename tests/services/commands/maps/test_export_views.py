@@ -143,6 +143,17 @@ def test_images_of_colmap_are_there_by_name(colmap, nerfstudio):
         assert of_both[0] == of_both[1]
 
 
+def test_an_empty_folder_may_be_a_link(mapped_run, nerfstudio, tmp_path):
+    (tmp_path / "disk").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "disk")
+    arguments = ["--format", "nerfstudio", "--out", str(link), "--voxel", "0.1", "--device", "cpu"]
+    assert main(["export", str(mapped_run), *arguments]) == 0
+    names = sorted(path.name for path in nerfstudio.iterdir())
+    assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == names
+    assert link.is_symlink()
+
+
 def test_a_folder_that_holds_something_is_refused(mapped_run, nerfstudio, capsys):
     arguments = ["--format", "nerfstudio", "--out", str(nerfstudio)]
     assert main(["export", str(mapped_run), *arguments]) == 2

@@ -156,6 +156,23 @@ def test_what_was_seen_from_far_alone_counts_if_that_is_wanted(run_folder, tmp_p
     assert sizes[0] < 0.9 * sizes[1]
 
 
+@pytest.mark.parametrize("command", ["grid", "esdf"])
+def test_a_distance_at_which_nothing_was_seen_is_bad_input(run_folder, tmp_path, command, capsys):
+    out = tmp_path / ("map.yaml" if command == "grid" else "esdf.npz")
+    assert main([command, str(run_folder), "--out", str(out), "--far-m", "0.1"]) == 2
+    assert "--far-m 0.1: no view has depth below 0.1 m" in capsys.readouterr().err
+
+
+def test_an_up_of_any_length_is_a_direction(run_folder, tmp_path):
+    found = []
+    for length in (1e-300, 1.0, 1e300):
+        out = tmp_path / f"{length}.npz"
+        up = [str(length * part) for part in _true_up()]
+        assert main(["esdf", str(run_folder), "-o", str(out), "--up", *up]) == 0
+        found.append(read_esdf(out)[1].up)
+    np.testing.assert_allclose(found[::2], [found[1]] * 2, atol=1e-12)
+
+
 @pytest.mark.parametrize(("command", "out"), [("grid", "map.png"), ("esdf", "/nowhere/x.npz")])
 def test_an_output_of_another_kind_is_bad_input(run_folder, command, out, capsys):
     assert main([command, str(run_folder), "--out", out]) == 2
