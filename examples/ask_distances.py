@@ -58,7 +58,7 @@ def ask(slam: Slam) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 4:
+    if len(sys.argv) > 4 or sys.argv[1:] == ["--help"]:
         sys.exit(__doc__)
     try:
         main(*sys.argv[1:])

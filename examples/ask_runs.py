@@ -70,6 +70,6 @@ def main(table: str, library: str = "pandas") -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (2, 3):
+    if len(sys.argv) not in (2, 3) or sys.argv[1:] == ["--help"]:
         sys.exit(__doc__)
     main(*sys.argv[1:])

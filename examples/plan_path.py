@@ -102,7 +102,7 @@ def draw(clearance_m: np.ndarray, path: np.ndarray, picture: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (2, 3, 5):
+    if len(sys.argv) not in (2, 3, 5) or sys.argv[1:] == ["--help"]:
         sys.exit(__doc__)
     try:
         main(*sys.argv[1:])

@@ -9,6 +9,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
+_LARGEST_INDEX = 1 << 53  # languages that have only doubles hold it exactly
 _STAMPS = range(1 << 63)
 _MOST_UNITS_PER_M = 1e9
 
@@ -32,8 +33,8 @@ class Frame:
     imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
-        if self.index < 0:
-            raise UserError(f"frame index {self.index}: expected 0 or more")
+        if not (isinstance(self.index, int | np.integer) and 0 <= self.index <= _LARGEST_INDEX):
+            raise UserError(f"frame index {self.index}: expected a whole number, 0 to 2^53")
         if self.stamp_ns not in _STAMPS:
             raise UserError(
                 f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 0 to {_STAMPS[-1]}"

@@ -83,8 +83,8 @@ class Slam:
         """
         if not 0 <= new_map_after_s < math.inf:
             raise UserError(f"new_map_after_s = {new_map_after_s}: expected seconds, 0 or more")
-        if seed < 0:
-            raise UserError(f"seed = {seed}: expected 0 or more")
+        if not (isinstance(seed, int) and seed >= 0):
+            raise UserError(f"seed = {seed}: expected a whole number, 0 or more")
         self.config = config
         self.localise_only = localise_only
         self.seed = seed

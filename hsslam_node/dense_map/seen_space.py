@@ -1,5 +1,6 @@
 """What keyframes saw: how well each cell of space is known, and how far it is to the nearest surface."""
 
+import threading
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -59,6 +60,8 @@ def certainty_of(information: np.ndarray) -> np.ndarray:
 class SeenSpace:
     """Follows keyframes: marks the cells in front of the depth that they measured, and at it.
 
+    Threads may call it at once.
+
     Args:
         reach_m: how far behind a surface still counts as seen, m.
         cell_m: side of a cell, m.
@@ -77,6 +80,7 @@ class SeenSpace:
         self._far_m = far_m
         self._cell_m = cell_m
         self._max_depth_m = max_depth_m
+        self._marking = threading.Lock()
         self._ids = np.zeros(0, np.int64)  # of the marked keyframes
         self._marked_at = np.zeros((0, 4, 4))  # their T_world_cam then
         self._information = np.zeros((0, 0, 0), np.float32)
@@ -92,17 +96,19 @@ class SeenSpace:
         Raises:
             UserError: there was no keyframe yet.
         """
-        for _ in self._mark_new(keyframes):
-            pass
-        return self._seen_cells()
+        with self._marking:
+            for _ in self._mark_new(keyframes):
+                pass
+            return self._seen_cells()
 
     def follow_for(self, keyframes: MapKeyframes, seconds: float) -> SeenCells | int:
         """As `follow`, but stops after `seconds`: then the number of keyframes left for the next call."""
         deadline_s = time.monotonic() + seconds
-        for left in self._mark_new(keyframes):
-            if left and time.monotonic() >= deadline_s:
-                return left
-        return self._seen_cells()
+        with self._marking:
+            for left in self._mark_new(keyframes):
+                if left and time.monotonic() >= deadline_s:
+                    return left
+            return self._seen_cells()
 
     def _mark_new(self, keyframes: MapKeyframes) -> Iterator[int]:
         """Mark one after the other; yields the number left after each."""

@@ -92,7 +92,8 @@ class DistanceMap:
         kept = np.flatnonzero((z_m >= low_m) & (z_m <= high_m))
         if len(kept) == 0:
             raise UserError(
-                f"heights {low_m:g} to {high_m:g} m: expected some of {grid.low[2]:.2f} to "
+                f"heights {low_m:g} to {high_m:g} m: no voxel of {grid.voxel_m:g} m has its middle between "
+                f"them: expected heights that are farther apart, within {grid.low[2]:.2f} to "
                 f"{grid.high[2]:.2f} m"
             )
         first = (*grid.first[:2], grid.first[2] + int(kept[0]))

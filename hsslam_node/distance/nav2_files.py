@@ -36,7 +36,7 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
         f"image: {_plain_or_quoted(picture.name)}",
         "mode: trinary",
         f"resolution: {grid.resolution_m:.6g}",
-        f"origin: [{x:.6g}, {y:.6g}, 0]",
+        f"origin: [{x:.4f}, {y:.4f}, 0]",
         "negate: 0",
         f"occupied_thresh: {_OCCUPIED_ABOVE}",
         f"free_thresh: {_FREE_BELOW}",

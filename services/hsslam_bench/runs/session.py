@@ -19,8 +19,8 @@ from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 
 _COLD_FRAMES = 60
-_COVER_AT, _COVER_FRAMES = 150, 90
-_ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and 1 % of scale
+COVER_AT, COVER_FRAMES = 150, 90
+ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and 1 % of scale
 Lens = Literal["free", "covered"]
 _GROWTH_LENGTH = 3000  # runs take its first frames, so all have the same motion
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
@@ -184,12 +184,12 @@ class Session:
     def covered(self, sequence: str, lens: Lens, seed: int, odometry: bool) -> ServeRun:
         """Poses of a built-in scene; the lens free or covered for 3 s, with or without odometry."""
         name = f"poses-{sequence}-{lens}-{'odometry' if odometry else 'alone'}-seed{seed}"
-        at, frames = (15, 10) if self.quick else (_COVER_AT, _COVER_FRAMES)
+        at, frames = (15, 10) if self.quick else (COVER_AT, COVER_FRAMES)
         options = (*self._source(sequence), "--pace", "lockstep")
         if lens == "covered":
             options = (*options, "--cover-at", str(at), "--cover-frames", str(frames))
         if odometry:
-            options = (*options, "--synth.odometry-noise", _ODOMETRY_NOISE)
+            options = (*options, "--synth.odometry-noise", ODOMETRY_NOISE)
         return self._run(name, (*options, "--seed", str(seed), *_POSES_ALONE))
 
     def with_imu(self, sequence: str, seed: int) -> ServeRun:

@@ -37,7 +37,7 @@ class Odd(SynthSource):
 @pytest.mark.parametrize(
     ("indices", "problem"),
     [
-        ("-1,0,1", "frame index -1: expected 0 or more"),
+        ("-1,0,1", "frame index -1: expected a whole number, 0 to"),
         ("0,1,1", "the frame after frame 1 has index 1: expected 2 or more"),
     ],
 )

@@ -10,7 +10,7 @@ _DARK = range(672, 732)  # 2 s: the doorway from the kitchen to the study
 _FRAMES = 2400  # one round, and on into the first room
 _RATE_HZ = 30
 _FACTOR = 1.5  # of the ATE without darkness
-_ROOMS = "hsslam_bench.scripts.lookalike_rooms"
+_ROOMS = "hsslam_bench.joining.lookalike_rooms"
 
 
 def lost_checks() -> list[Check]:

@@ -22,7 +22,7 @@ def merge_checks() -> list[Check]:
 
 def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
-        module, source = "hsslam_bench.scripts.merge_run", session.source(sequence)
+        module, source = "hsslam_bench.joining.merge_run", session.source(sequence)
         scores = [session.figures(module, source, str(s)) for s in session.seeds]
         ratios = [score["merged_m"] / score["whole_m"] for score in scores]
         each, whole = (
@@ -48,7 +48,7 @@ def _check(sequence: str) -> Check:
 
 def _strangers(session: Session) -> Measured:
     scores = [
-        session.figures("hsslam_bench.scripts.strange_maps", str(seed)) for seed in session.seeds
+        session.figures("hsslam_bench.joining.strange_maps", str(seed)) for seed in session.seeds
     ]
     merged, pairs = (sum(score[name] for score in scores) for name in ("merged", "pairs"))
     most = max(score["most_places"] for score in scores)

@@ -69,6 +69,8 @@ def merge_runs(options: MergeOptions) -> None:
     """Run the command."""
     files = map_file(options.first, "merge"), map_file(options.second, "merge")
     expect_new_folder(options.out)
+    if files[0].resolve() == files[1].resolve():
+        raise UserError(f"merge: both runs are {options.first}: expected two runs")
     frames = [_frames(file) for file in files]
     device = choose_device(options.device)
     with terminal_progress() as progress:

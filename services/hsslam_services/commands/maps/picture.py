@@ -12,9 +12,10 @@ import trimesh
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.floor_plane import floor_by
 from hsslam_node.durable_file import write_durably
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
+from hsslam_services.commands.cli import exit_code
 from hsslam_services.commands.maps.whole_space import MAP_NAME
 
 _POINTS = 2_500_000
@@ -31,23 +32,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="hsslam picture", description=__doc__)
     parser.add_argument("run_dir", type=Path, help="folder of a finished run")
     run_dir = parser.parse_args().run_dir
-    try:
-        print(f"picture: {draw_run(run_dir)}")
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    sys.exit(exit_code(lambda: print(f"picture: {draw_run(run_dir)}")))
 
 
 def draw_run(run_dir: Path) -> Path:
     """Draw mesh.ply and trajectory.txt of a run into picture.png; returns its path.
 
     Raises:
-        UserError: the run left no mesh, or the picture cannot be written.
+        UserError: the run left no mesh or no poses, a file is damaged, or the picture cannot be written.
     """
-    if not (run_dir / "mesh.ply").exists():
-        raise UserError(f"{run_dir / 'mesh.ply'}: does not exist: expected a finished run")
-    mesh = trimesh.load_mesh(run_dir / "mesh.ply")
-    trajectory = read_tum(run_dir / "trajectory.txt")
+    mesh, path = _mesh(run_dir / "mesh.ply"), run_dir / "trajectory.txt"
+    trajectory = read_tum(path)
+    if len(trajectory) == 0:
+        raise UserError(f"{path}: no poses: expected one or more")
     up, surface = _up(run_dir, trajectory), _surface(mesh)
     panels = [_panel(surface, trajectory, up, angle) for angle in (80.0, 40.0)]
     path = run_dir / "picture.png"
@@ -57,6 +54,19 @@ def draw_run(run_dir: Path) -> Path:
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: expected a file that can be written") from None
     return path
+
+
+def _mesh(path: Path) -> trimesh.Trimesh:
+    if not path.exists():
+        raise UserError(f"{path}: does not exist: expected a finished run")
+    try:
+        mesh = trimesh.load_mesh(path)
+        count = len(mesh.faces)
+    except Exception as error:  # trimesh raises errors of many types
+        raise UserError(f"{path}: damaged mesh: {one_line(error)}") from None
+    if count == 0:
+        raise UserError(f"{path}: no triangles: expected one or more")
+    return mesh
 
 
 def _up(run_dir: Path, trajectory: Trajectory) -> np.ndarray:

@@ -86,9 +86,7 @@ def read_points(path: Path) -> np.ndarray:
             with path.open("rb") as stream:
                 rows = np.lib.format.read_array(stream, allow_pickle=False)
         else:
-            text = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
-            lines = [words for line in text if (words := line.partition("#")[0].split())]
-            rows = np.array(lines, np.float64) if lines else np.empty((0, 3))
+            rows = _rows(path)
         points = rows.astype(np.float64, casting="same_kind")
     except OSError as error:
         raise UserError(f"--points {path}: {error.strerror}: expected a file of points") from None
@@ -102,3 +100,16 @@ def read_points(path: Path) -> np.ndarray:
             f"--points {path}: {list(points.shape)}: expected finite metres [N, 3], X Y Z a line"
         )
     return points
+
+
+def _rows(path: Path) -> np.ndarray:
+    """Rows [N, 3] of a text file; ValueError names the line that has no three numbers."""
+    rows = []
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), 1):
+        if words := line.partition("#")[0].replace(",", " ").split():
+            try:
+                x, y, z = map(float, words)
+            except ValueError:
+                raise ValueError(f"line {number}: {line.strip()[:60]!r}") from None
+            rows.append((x, y, z))
+    return np.array(rows, np.float64).reshape(-1, 3)

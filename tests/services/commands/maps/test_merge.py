@@ -78,6 +78,7 @@ def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys
         (("RUN",), "merge: no map: expected a run folder or map.safetensors"),
         (("RUN", "/nowhere"), "/nowhere: no such file: expected a map"),
         (("RUN", "RUN", "--out", "RUN"), "already exists: expected a new folder"),
+        (("RUN", "RUN"), "merge: both runs are "),
         (("RUN", "RUN", "--seed", "-1"), "--seed -1: expected 0 or more"),
         (("RUN", "RUN", "--out", "/nowhere/x"), "expected a folder in a folder that exists"),
     ],

@@ -1,5 +1,6 @@
 """The picture that a finished run leaves."""
 
+import sys
 from pathlib import Path
 
 import cv2
@@ -58,6 +59,33 @@ def test_it_shows_the_room_from_behind_the_camera_without_ceiling_and_near_wall(
 def test_a_run_without_a_mesh_is_refused(tmp_path: Path):
     with pytest.raises(UserError, match=r"mesh\.ply: does not exist: expected a finished run"):
         draw_run(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "problem"),
+    [
+        ("mesh.ply", b"", "mesh.ply: damaged mesh: "),
+        ("mesh.ply", b"junk" * 100, "mesh.ply: damaged mesh: "),
+        ("mesh.ply", b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n", "mesh.ply: "),
+        ("trajectory.txt", b"", "trajectory.txt: no poses"),
+    ],
+)
+def test_a_run_with_a_damaged_file_is_one_line_and_code_2(
+    run_dir: Path, name, data, problem, monkeypatch, capsys
+):
+    (run_dir / name).write_bytes(data)
+    monkeypatch.setattr(sys, "argv", ["picture", str(run_dir)])
+    with pytest.raises(SystemExit) as end:
+        picture.main()
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and problem in error and error.count("\n") == 1
+
+
+def test_a_mesh_that_is_cut_off_is_refused(run_dir: Path):
+    whole = (run_dir / "mesh.ply").read_bytes()
+    (run_dir / "mesh.ply").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(UserError, match=r"mesh\.ply: damaged mesh: "):
+        draw_run(run_dir)
 
 
 def test_a_picture_that_cannot_be_written_is_refused(run_dir: Path, monkeypatch):

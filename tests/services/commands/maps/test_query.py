@@ -111,6 +111,15 @@ def test_a_header_that_claims_more_than_memory_holds_is_bad_input(tmp_path):
         read_points(path)
 
 
+def test_a_line_that_holds_no_point_is_named(tmp_path):
+    path = tmp_path / "p.txt"
+    path.write_text("\ufeff1 2 3\n# nothing\n4,5,6  # last\n7 8\n", encoding="utf-8")
+    with pytest.raises(UserError, match=r"p\.txt: line 4: '7 8': expected lines X Y Z"):
+        read_points(path)
+    path.write_text("\ufeff1 2 3\n# nothing\n4,5,6  # last\n", encoding="utf-8")
+    np.testing.assert_array_equal(read_points(path), [[1, 2, 3], [4, 5, 6]])
+
+
 def test_a_file_without_points_is_no_points(tmp_path):
     (tmp_path / "p.txt").write_text("# nothing\n")
     assert read_points(tmp_path / "p.txt").shape == (0, 3)

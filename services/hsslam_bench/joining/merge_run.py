@@ -1,6 +1,6 @@
 """Compares two merged sessions with one run over all frames, in one process; prints JSON.
 
-`python -m hsslam_bench.scripts.merge_run SOURCE SEED` runs a session over the first 55 % of the sequence, one
+`python -m hsslam_bench.joining.merge_run SOURCE SEED` runs a session over the first 55 % of the sequence, one
 over the last 55 %, which has its own world, and one over all frames.
 """
 

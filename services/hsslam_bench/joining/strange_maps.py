@@ -1,6 +1,6 @@
 """Counts wrong merges of sessions in different places; prints JSON.
 
-`python -m hsslam_bench.scripts.strange_maps SEED` compares each of seven rooms of the apartment with each of
+`python -m hsslam_bench.joining.strange_maps SEED` compares each of seven rooms of the apartment with each of
 seven rooms of the mirror image of another apartment, and the apartment's hall with the corridor: 50 pairs.
 Keyframes have their true poses, so that no tracking error separates two maps.
 """

@@ -1,6 +1,6 @@
 """Counts wrong joins of a fragment to a map among thirty rooms that look alike; prints JSON.
 
-`python -m hsslam_bench.scripts.lookalike_rooms SEED`: in each of thirty pairs the map has one room of
+`python -m hsslam_bench.joining.lookalike_rooms SEED`: in each of thirty pairs the map has one room of
 `synth:lookalike`, and the fragment the next. Five controls have map and fragment in one room, with frames
 between the map's keyframes. All keyframes have their true poses, so that no tracking error separates two
 rooms. If both see the same place through a door, a join within 10 cm is right.
