@@ -193,10 +193,12 @@ def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheck
         tensor = tensors[f"field/{block.name}"]
         _expect(f"field/{block.name}", tensor, block.shape, np.float32)
         block.view(params)[...] = tensor
-    T_world_keyframe = tensors["keyframes/T_world_keyframe"]
-    if not are_rigid(T_world_keyframe):
+    checkpoint = MapCheckpoint(
+        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
+    )
+    if not are_rigid(checkpoint.T_world_keyframe):
         raise ValueError("T_world_keyframe has a matrix that is no pose")
-    return MapCheckpoint(layout, params, tensors["keyframes/stamps_ns"], T_world_keyframe)
+    return checkpoint
 
 
 def _max_depth_m(metadata: Mapping[str, str]) -> float | None:

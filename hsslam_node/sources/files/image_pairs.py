@@ -78,7 +78,7 @@ class ImagePairSource(ReadsInTime):
             )
 
 
-def median_rate_hz(stamps_ns: Sequence[int]) -> float:
+def median_rate_hz(stamps_ns: Sequence[int] | np.ndarray) -> float:
     """The rate of stamps at their median interval; 30 Hz if there is none, or if no camera is as fast."""
     period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
     return 1e9 / period_ns if period_ns > _SHORTEST_PERIOD_NS else 30.0

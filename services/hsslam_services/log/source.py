@@ -12,6 +12,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import (
     BadFrame,
@@ -66,10 +67,7 @@ class McapSource(ReadsInTime):
             first.width_px, first.height_px, first.fx, first.fy, first.cx, first.cy
         )
         self.depth_units_per_m = first.depth_units_per_m
-        period_ns = (
-            float(np.median(np.diff(self.stamps_ns[:_RATE_FRAMES]))) if len(self._rows) > 1 else 0.0
-        )
-        self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
+        self.rate_hz = median_rate_hz(self.stamps_ns[:_RATE_FRAMES])
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """The selected frames; a `LateFrame` for a late frame, a `BadFrame` for one that cannot be decoded or

@@ -141,6 +141,7 @@ class RosCamera:
             "/camera/aligned_depth_to_color/image_raw",
             "/camera/color/camera_info",
         )
+        self.info = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # what it publishes once it is started
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -161,7 +162,7 @@ class RosCamera:
         """Publish all frames from a thread, to and fro, with stamps that run on."""
         there_and_back = [*frames, *frames[-2:0:-1]]
         packed = [(f.color, (f.depth_m() * 1000).astype(np.uint16)) for f in there_and_back]
-        info = frames[0].camera if camera is None else camera
+        self.info = frames[0].camera if camera is None else camera
         color_topic, depth_topic, info_topic = self.topics
 
         def run() -> None:
@@ -169,7 +170,7 @@ class RosCamera:
             while not self._ended.wait(1 / rate_hz):
                 stamp_ns = FIRST_NS + round(k * 1e9 / rate_hz)
                 color, depth = packed[k % len(packed)]
-                self.put(info_topic, camera_info(stamp_ns, info), "CameraInfo")
+                self.put(info_topic, camera_info(stamp_ns, self.info), "CameraInfo")
                 self.put(color_topic, image(stamp_ns, color, "rgb8"))
                 self.put(depth_topic, image(stamp_ns + depth_lag_ns, depth, "16UC1"))
                 k += 1
