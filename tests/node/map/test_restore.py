@@ -139,7 +139,7 @@ def test_a_map_without_images_is_refused(path, tmp_path):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (lambda m: {"T_world_keyframe": m.T_world_keyframe * np.nan}, "not finite"),
+        (lambda m: {"T_world_keyframe": m.T_world_keyframe * np.nan}, "is no pose"),
         (lambda m: {"camera": m.camera.scaled(0.5)}, "px: expected 80x60"),
         (lambda m: {"images": replace(m.images, depth=0 * m.images.depth)}, "expected a PNG"),
     ],
