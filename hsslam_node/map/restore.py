@@ -65,8 +65,6 @@ def saved_frames(path: Path, saved: MapCheckpoint) -> Iterator[Frame]:
     try:
         if len(images) == 0:
             raise ValueError("it has no keyframe")
-        if not np.isfinite(saved.T_world_keyframe).all():
-            raise ValueError("a pose of its keyframes is not finite")
         for k, stamp_ns in enumerate(saved.keyframe_stamps_ns.tolist()):
             color, depth_raw = images.pixels(k)
             (height, width), camera_px = color.shape[:2], (camera.width_px, camera.height_px)
