@@ -1,6 +1,6 @@
 """Corrects dead-reckoned poses: spreads the error at the end of a gap over the gap."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,14 @@ from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad over that of scale
 _STILL = 1e-12  # m^2, rad^2: variance of a step without motion
+Walk = Callable[
+    [np.ndarray, np.ndarray], np.ndarray
+]  # T_a, T_b [4, 4]: covariance of b [6, 6], world axes
+
+
+def usual_walk(T_a: np.ndarray, T_b: np.ndarray) -> np.ndarray:
+    """The random walk of a step from a to b [4, 4], beside an error of scale with deviation 1, [6, 6]."""
+    return growth(T_a, T_b, _WALK)
 
 
 def spread_errors(
@@ -18,6 +26,7 @@ def spread_errors(
     T_odom_cam: np.ndarray,
     is_dead_reckoned: np.ndarray,
     is_unknown: np.ndarray,
+    walk: Walk = usual_walk,
 ) -> np.ndarray:
     """The poses [N, 4, 4] with each stretch of dead-reckoned ones ([N] bool) fitted between its neighbours.
 
@@ -29,6 +38,7 @@ def spread_errors(
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through each stretch, from
             the frame before it to the frame after it.
         is_unknown: [N] bool, whether the motion to a frame is unknown in `T_odom_cam`.
+        walk: covariance of the random walk of a step, if that of the error of scale is 1.
     """
     out = T_world_cam
     for before, after in _stretches(is_dead_reckoned):
@@ -38,7 +48,7 @@ def spread_errors(
         if out is T_world_cam:
             out = T_world_cam.copy()
         path = out[before] @ inverse(T_odom_cam[before]) @ T_odom_cam[rows]
-        out[before + 1 : after] = _fitted(path, T_world_cam[after])[1:-1]
+        out[before + 1 : after] = _fitted(path, T_world_cam[after], walk)[1:-1]
     return out
 
 
@@ -51,12 +61,12 @@ def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
     yield from zip(starts.tolist(), ends.tolist(), strict=False)
 
 
-def _fitted(path: np.ndarray, T_end: np.ndarray) -> np.ndarray:
+def _fitted(path: np.ndarray, T_end: np.ndarray, walk_of: Walk) -> np.ndarray:
     """The path [n, 4, 4], fitted so that its first pose stays and its last pose is T_end [4, 4]."""
     centres = path[:, :3, 3]
     off = np.concatenate([T_end[:3, 3] - centres[-1], so3_log(T_end[:3, :3] @ path[-1, :3, :3].T)])
     to_end = np.stack([lever(centres[-1] - centre) for centre in centres[1:]])  # [n - 1, 6, 6]
-    walk = np.stack([growth(a, b, _WALK) for a, b in pairwise(path)]) + _STILL * np.eye(6)
+    walk = np.stack([walk_of(a, b) for a, b in pairwise(path)]) + _STILL * np.eye(6)
     scale = np.stack([_scale_effect(a, b) for a, b in pairwise(path)])
     scale_at_end = (to_end @ scale).sum(0)
     total = (to_end @ walk @ to_end.transpose(0, 2, 1)).sum(0) + scale_at_end @ scale_at_end.T
