@@ -1,6 +1,7 @@
 """Samples of an IMU of another program on `in/imu` come, integrated, with the frames of the run's camera."""
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -29,17 +30,13 @@ def test_a_frame_gets_what_the_imu_has_integrated_at_its_wall_clock(endpoint):
         imu = outside.publisher(topics.IMU)
         first_ns, last_ns = _START_NS + 33_000_000, _START_NS + 400_000_000
         assert inlet.given(_FRAME, last_ns).imu is None
-        given_up_s = time.monotonic() + 20
-        while not imu.has_subscribers():
-            assert time.monotonic() < given_up_s
-            time.sleep(0.01)
+        _wait_for(imu.has_subscribers)
         for k in range(0, 84, 4):  # four samples in a message, 200 a second
             stamps_ns = [_START_NS + 5_000_000 * n for n in range(k, k + 4)]
             rates, forces = [(0.0, -0.5, 0.0)] * 4, [(9.81, 0.0, 0.0)] * 4
             imu.put(ImuSamples(stamps_ns=stamps_ns, angular_velocity=rates, acceleration=forces))
-        while (last := inlet.given(_FRAME, last_ns)).imu is None:
-            assert time.monotonic() < given_up_s
-            time.sleep(0.01)
+        _wait_for(lambda: inlet.given(_FRAME, last_ns).imu is not None)
+        last = inlet.given(_FRAME, last_ns)
         first = inlet.given(_FRAME, first_ns)
         own = replace(_FRAME, imu=first.imu)
         assert inlet.given(own, last_ns) is own
@@ -56,16 +53,18 @@ def test_a_sample_that_is_no_reading_is_left_out_and_reported(endpoint):
     with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
         inlet = ImuInlet(camera.subscribe(topics.IMU, 64), _ON_ITS_SIDE, reports.append)
         imu = outside.publisher(topics.IMU)
-        given_up_s = time.monotonic() + 20
-        while not imu.has_subscribers():
-            assert time.monotonic() < given_up_s
-            time.sleep(0.01)
+        _wait_for(imu.has_subscribers)
         stamps_ns = [_START_NS, _START_NS + 5_000_000, _START_NS + 10_000_000]
         forces = [(9.81, 0.0, 0.0), (1e29, 0.0, 0.0), (9.81, 0.0, 0.0)]
         rates = [(0.0, 0.0, 0.0)] * 3
         imu.put(ImuSamples(stamps_ns=stamps_ns, angular_velocity=rates, acceleration=forces))
-        while inlet.given(_FRAME, stamps_ns[2]).imu is None:
-            assert time.monotonic() < given_up_s
-            time.sleep(0.01)
+        _wait_for(lambda: inlet.given(_FRAME, stamps_ns[2]).imu is not None)
     assert [report.kind for report in reports] == ["in/imu: unusable messages"]
     assert "expected at most" in reports[0].text
+
+
+def _wait_for(is_done: Callable[[], bool]) -> None:
+    given_up_s = time.monotonic() + 20
+    while not is_done():
+        assert time.monotonic() < given_up_s
+        time.sleep(0.01)

@@ -1,7 +1,8 @@
 """Odometry of another program on `in/odometry` comes with the frames of the run's camera."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import pose_matrix
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.odometry_inlet import OdometryInlet
+from hsslam_services.bus.publisher import Publisher
 from tests.services.serve_process import SMALL_ROOM
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
@@ -52,32 +54,47 @@ def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
         assert inlet.given(kept, last).odometry is own
 
 
-def test_a_clock_that_was_set_back_is_told(endpoint):
+@dataclass(frozen=True)
+class _Connected:
+    """Wheels and the inlet that hears them; `told`: its reports."""
+
+    wheels: Publisher[RobotOdometry]
+    inlet: OdometryInlet
+    told: list[Report]
+
+    def send(self, stamp_ns: int, x: float = 0.0) -> None:
+        q = (0.0, 0.0, 0.0, 1.0)
+        self.wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=(x, 0.0, 0.0), q=q))
+
+    def wait_for_odometry(self, stamp_ns: int) -> None:
+        _wait_for(lambda: self.inlet.given(_FRAME, stamp_ns).odometry is not None)
+
+
+@pytest.fixture
+def connected(endpoint) -> Iterator[_Connected]:
     told: list[Report] = []
     with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
         messages = camera.subscribe(topics.ODOMETRY, 64)
         inlet = OdometryInlet(messages, _AHEAD, USUAL_NOISE, told.append)
         wheels = outside.publisher(topics.ODOMETRY)
         _wait_for(wheels.has_subscribers)
-        for stamp_ns in (_START_NS + 9_000_000_000, _START_NS):
-            wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=(0.0, 0.0, 0.0), q=(0.0, 0.0, 0.0, 1.0)))
-        _wait_for(lambda: inlet.given(_FRAME, _START_NS).odometry is not None)
+        yield _Connected(wheels, inlet, told)
+
+
+def test_a_clock_that_was_set_back_is_told(connected):
+    for stamp_ns in (_START_NS + 9_000_000_000, _START_NS):
+        connected.send(stamp_ns)
+    connected.wait_for_odometry(_START_NS)
+    told = connected.told
     assert [report.kind for report in told] == ["in/odometry: clock set back"]
     assert "set back by 9.0 s" in told[0].text
 
 
-def test_a_position_that_is_no_reading_is_left_out_and_reported(endpoint):
-    reports: list[Report] = []
-    with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
-        messages = camera.subscribe(topics.ODOMETRY, 64)
-        inlet = OdometryInlet(messages, _AHEAD, USUAL_NOISE, reports.append)
-        wheels = outside.publisher(topics.ODOMETRY)
-        _wait_for(wheels.has_subscribers)
-        for k, x in enumerate((0.0, 1e29, 0.0)):
-            at, q = (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-            wheels.put(RobotOdometry(stamp_ns=_START_NS + 20_000_000 * k, t=at, q=q))
-        last_ns = _START_NS + 40_000_000
-        _wait_for(lambda: inlet.given(_FRAME, last_ns).odometry is not None)
+def test_a_position_that_is_no_reading_is_left_out_and_reported(connected):
+    for k, x in enumerate((0.0, 1e29, 0.0)):
+        connected.send(_START_NS + 20_000_000 * k, x)
+    connected.wait_for_odometry(_START_NS + 40_000_000)
+    reports = connected.told
     assert [report.kind for report in reports] == ["in/odometry: unusable messages"]
     assert "expected at most 1e+08 m" in reports[0].text
 
