@@ -9,7 +9,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
-_LARGEST_INDEX = 1 << 53  # languages that have only doubles hold it exactly
+_LARGEST_INDEX = 1 << 53  # as in messages: languages that have only doubles hold it exactly
 _STAMPS = range(1 << 63)
 _MOST_UNITS_PER_M = 1e9
 

@@ -16,7 +16,9 @@ _OCCUPIED_ABOVE, _FREE_BELOW = 0.65, 0.196  # of 1 - grey / 255, which is 0.1961
 
 
 def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None) -> Path:
-    """Write `path`, which ends in .yaml, and a .pgm beside it, or neither; returns the path of that.
+    """Write `path`, which ends in .yaml, and a picture .pgm beside it; returns the path of the picture.
+
+    If one of the two files cannot be written, older files stay as they are.
 
     The map's frame is the floor's: z up, the floor at z = 0. A comment says how up was found.
 

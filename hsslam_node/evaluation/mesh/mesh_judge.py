@@ -136,7 +136,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     try:
         mesh = trimesh.load(str(path), process=False, force="mesh")
     except Exception as error:  # trimesh's readers raise errors of many types
-        raise UserError(f"{path}: {one_line(error)}: expected a mesh {_READABLE}") from None
+        problem = f"damaged mesh: {one_line(error)}"
+        raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise UserError(f"{path}: holds no triangles: expected a mesh {_READABLE}")
     if path.suffix.lower() in _Y_UP:

@@ -128,11 +128,8 @@ class RawImage:
         if self.is_compressed:
             start = self._image_start()
             expect_header(self.data[start:].data, f"image in format {self.encoding!r}", camera)
-        elif (self.width_px, self.height_px) != (camera.width_px, camera.height_px):
-            raise BadImageError(
-                f"{self.encoding} of {self.width_px}x{self.height_px} pixels: expected "
-                f"{camera.width_px}x{camera.height_px} as before"
-            )
+        else:
+            expect_size(self.encoding, self.width_px, self.height_px, camera)
 
     def _compressed_content(self) -> Literal["color", "grey", "depth"]:
         start = self._image_start()
@@ -168,3 +165,12 @@ class RawImage:
         order = ">" if self.is_big_endian else "<"
         pixels = np.ascontiguousarray(rows).view(dtype.newbyteorder(order)).astype(dtype)
         return pixels if channels == 1 else pixels.reshape(self.height_px, self.width_px, channels)
+
+
+def expect_size(what: str, width_px: int, height_px: int, camera: Camera) -> None:
+    """Raise BadImageError unless an image has the camera's size; `what`: the image, for the error."""
+    if (width_px, height_px) != (camera.width_px, camera.height_px):
+        raise BadImageError(
+            f"{what} of {width_px}x{height_px} pixels: expected "
+            f"{camera.width_px}x{camera.height_px} as before"
+        )

@@ -46,8 +46,6 @@ def _text(kind: inspect.Type) -> str:
 def _range(low: float | None, high: float | None) -> str:
     if low is None and high is None:
         return ""
-    if low == -1e30 and high == 1e30:
-        return ", -1e30 to 1e30"
     if high is None or high == 2**63 - 1:
         return f", {low} or more"
     return f", {low} to {high}"

@@ -107,10 +107,11 @@ class BagSource(ReadsInTime):
         most = min(images[self._color], images[self._depth])
         if count >= _USUAL_SHARE * most:
             return
-        nearest = "" if pairs.nearest_ns is None else f", {1e-6 * pairs.nearest_ns:.1f} ms at least"
+        ns = pairs.nearest_ns
+        nearest = "" if ns is None else f"; the next nearest is {1e-6 * ns:.1f} ms away"
         text = (
             f"{self._color}: only {count} of {images[self._color]} images have one of {images[self._depth]} "
-            f"depth images within {self._max_dt_ms:g} ms{nearest} (--bag.max-dt-ms): the others are left out"
+            f"depth images within {self._max_dt_ms:g} ms (--bag.max-dt-ms){nearest}; the others are left out"
         )
         self.reports.add(Report("images without a counterpart", text))
 

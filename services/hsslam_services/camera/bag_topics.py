@@ -14,7 +14,7 @@ from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bag_file import BagFile, BagMessage, BagTopic
 from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO, is_rectified
-from hsslam_services.camera.ros_frames import MOST_BROKEN
+from hsslam_services.camera.ros_frames import MOST_BROKEN, intrinsics_text
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
 
@@ -119,7 +119,7 @@ def _is_whole(bag: BagFile, message: BagMessage) -> bool:
     except BadImageError:
         return False
     except UserError:  # intrinsics that cannot be used, which is reported if they are chosen
-        return True
+        pass
     return True
 
 
@@ -187,12 +187,10 @@ def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
 
 def _expect_same_K(bag: BagFile, color: BagMessage, depth: BagMessage) -> None:
     """Raise UserError unless depth has the intrinsics of colour, as registered depth does."""
-    K_color, K_depth = (camera_of(bag, message, "").K for message in (color, depth))
+    of_camera = [camera_of(bag, message, "") for message in (color, depth)]
+    K_color, K_depth = (camera.K for camera in of_camera)
     if np.abs(K_color - K_depth).max() > _SAME_K_PX:
-        of_depth, of_color = (
-            ", ".join(f"{value:.1f}" for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-            for K in (K_depth, K_color)
-        )
+        of_color, of_depth = map(intrinsics_text, of_camera)
         raise UserError(
             f"source {bag.name}: {depth.topic} has fx, fy, cx, cy = {of_depth}, {color.topic} has "
             f"{of_color}: expected depth that is registered to colour (realsense: align_depth.enable:=true)"

@@ -79,7 +79,7 @@ class Realtime:
         frame with the stamp of the one before is never late.
         """
         self._steps_read += source_ns < self._read_ns
-        is_repeated = 0 <= source_ns - self._read_ns < _REPEATED_NS
+        is_repeated = _is_repeated(source_ns, self._read_ns)
         self._read_ns = source_ns
         if not self._progress.pinned_ns or self._steps_read > self._steps_sent or is_repeated:
             return False
@@ -122,8 +122,7 @@ class Realtime:
 
     def _due_ns(self, frame: Frame) -> int:
         """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""
-        last_ns = self._progress.last_source_ns
-        if self._last_due_ns and last_ns >= 0 and 0 <= frame.stamp_ns - last_ns < _REPEATED_NS:
+        if self._last_due_ns and _is_repeated(frame.stamp_ns, self._progress.last_source_ns):
             return self._next_due_ns(frame)
         wait_ns = self._progress.due_ns(frame.stamp_ns, self._scale) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
@@ -174,3 +173,8 @@ class Realtime:
 
     def _report(self, frame: Frame, text: str) -> None:
         self._worker.event("warning", f"frame {frame.index}: {text}")
+
+
+def _is_repeated(source_ns: int, last_ns: int) -> bool:
+    """Whether a stamp is that of the frame before, whose stamp is `last_ns`; -1: there is none."""
+    return last_ns >= 0 and 0 <= source_ns - last_ns < _REPEATED_NS

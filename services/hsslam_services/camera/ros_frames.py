@@ -1,17 +1,14 @@
 """Makes frames from colour and depth images of ROS."""
 
-import numpy as np
-
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.undistortion import Undistortion
-from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_node.sources.ros2.raw_image import RawImage, expect_size
 from hsslam_node.sources.source import BadFrame
 
 MOST_BROKEN = 30  # undecodable pairs at the start
-_SAME_PX = 1.0  # of focal lengths and principal points
 
 
 def can_be_used(pair: tuple[RawImage, RawImage], camera: Camera | None) -> bool:
@@ -56,14 +53,12 @@ class RosFrames:
 
     def hear_camera(self, camera: Camera) -> None:
         """Take a later `camera_info`; frames are bad while it differs from the first by more than a pixel."""
+        differs = camera.differs_in(self.camera) is not None
         now, first = (
-            np.array([c.width_px, c.height_px, c.fx, c.fy, c.cx, c.cy])
+            f"{c.width_px}x{c.height_px} with fx, fy, cx, cy = {intrinsics_text(c)}"
             for c in (camera, self.camera)
         )
-        is_same = np.abs(now - first).max() <= _SAME_PX
-        self._changed = (
-            "" if is_same else f"{_numbers(now)}: expected {_numbers(first)} as at first"
-        )
+        self._changed = f"{now}: expected {first} as at first" if differs else ""
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
         """The undistorted frame of a pair; a `BadFrame` if the pair cannot be used."""
@@ -74,8 +69,11 @@ class RosFrames:
                 image.expect_size(self.camera)
             rgb = color.color()
             depth_raw, units = depth.depth(self._depth_scale)
-            for name, pixels in (("colour", rgb), ("depth", depth_raw)):
-                _expect_shape(name, pixels, self.camera)
+            for name, pixels in (
+                ("colour", rgb),
+                ("depth", depth_raw),
+            ):  # not all formats show it before
+                expect_size(name, pixels.shape[1], pixels.shape[0], self.camera)
             if units != self.depth_units_per_m:
                 raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
             return Frame(
@@ -90,20 +88,9 @@ class RosFrames:
             return BadFrame(index, color.stamp_ns, str(error))
 
 
-def _expect_shape(name: str, pixels: np.ndarray, camera: Camera) -> None:
-    """Raise BadImageError unless a decoded image has the camera's size; not all formats show it before."""
-    height, width = pixels.shape[:2]
-    if (width, height) != (camera.width_px, camera.height_px):
-        raise BadImageError(
-            f"{name} of {width}x{height} pixels: expected {camera.width_px}x{camera.height_px} as before"
-        )
-
-
-def _numbers(camera: np.ndarray) -> str:
-    width_px, height_px, *intrinsics = camera.tolist()
-    return f"{width_px:g}x{height_px:g} with fx, fy, cx, cy = " + ", ".join(
-        f"{value:.1f}" for value in intrinsics
-    )
+def intrinsics_text(camera: Camera) -> str:
+    """fx, fy, cx and cy for errors, px."""
+    return ", ".join(f"{value:.1f}" for value in (camera.fx, camera.fy, camera.cx, camera.cy))
 
 
 def _expect_registered(

@@ -79,10 +79,9 @@ class ExportOptions:
         if self.texture and self.written not in _TEXTURED:
             expected = f"expected {' or '.join(_TEXTURED)}"
             raise UserError(f"--texture: --format {self.written}: {expected}")
-        known = [Path(kind.default_out).suffix for kind in _KINDS.values()]
-        suffix = self.out.suffix.lower() if self.out else ""
-        if self.format is None and suffix not in ("", *known):
-            expected = ", ".join(s for s in known if s)
+        known = _by_suffix()
+        if self.format is None and self._suffix and self._suffix not in known:
+            expected = ", ".join(filter(None, known))
             raise UserError(f"--out {self.out}: expected a file {expected}, or --format")
         if not 256 <= self.texture_px <= 16384:
             raise UserError(f"--texture-px {self.texture_px}: expected 256 to 16384")
@@ -90,9 +89,11 @@ class ExportOptions:
     @property
     def written(self) -> Format:
         """`format`, or if that is None the format by the suffix of `out`."""
-        by_suffix: dict[str, Format] = {Path(k.default_out).suffix: f for f, k in _KINDS.items()}
-        suffix = self.out.suffix.lower() if self.out else ""
-        return self.format or by_suffix.get(suffix or ".ply", "ply")
+        return self.format or _by_suffix().get(self._suffix or ".ply", "ply")
+
+    @property
+    def _suffix(self) -> str:
+        return self.out.suffix.lower() if self.out else ""
 
 
 def export_map(options: ExportOptions) -> None:
@@ -153,6 +154,11 @@ class _Kind(NamedTuple):
 
 def _file(suffix: str) -> Callable[[Path], None]:
     return lambda out: expect_out(out, suffix)
+
+
+def _by_suffix() -> dict[str, Format]:
+    """Formats by the suffix of their files; "": one that writes a folder."""
+    return {Path(kind.default_out).suffix: form for form, kind in _KINDS.items()}
 
 
 _KINDS: Mapping[Format, _Kind] = MappingProxyType(

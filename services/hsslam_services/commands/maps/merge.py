@@ -102,7 +102,7 @@ def _frames(file: Path) -> Trajectory | None:
     """The trajectory of a run, beside its map; None if there is only the map, or no pose in it."""
     path = file.with_name(_TRAJECTORY)
     found = read_tum(path) if path.exists() else None
-    return found if found is not None and len(found.stamps_ns) else None
+    return found if found is not None and len(found) else None
 
 
 def _summary(found: JoinedMap) -> str:

@@ -12,7 +12,8 @@ import trimesh
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.floor_plane import floor_by
 from hsslam_node.durable_file import write_durably
-from hsslam_node.errors import UserError, one_line
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.mesh.mesh_judge import load_mesh
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
 from hsslam_services.commands.cli import exit_code
@@ -41,10 +42,12 @@ def draw_run(run_dir: Path) -> Path:
     Raises:
         UserError: the run left no mesh or no poses, a file is damaged, or the picture cannot be written.
     """
-    mesh, path = _mesh(run_dir / "mesh.ply"), run_dir / "trajectory.txt"
-    trajectory = read_tum(path)
+    if not (run_dir / "mesh.ply").exists():
+        raise UserError(f"{run_dir / 'mesh.ply'}: does not exist: expected a finished run")
+    mesh = load_mesh(run_dir / "mesh.ply")
+    trajectory = read_tum(run_dir / "trajectory.txt")
     if len(trajectory) == 0:
-        raise UserError(f"{path}: no poses: expected one or more")
+        raise UserError(f"{run_dir / 'trajectory.txt'}: no poses: expected one or more")
     up, surface = _up(run_dir, trajectory), _surface(mesh)
     panels = [_panel(surface, trajectory, up, angle) for angle in (80.0, 40.0)]
     path = run_dir / "picture.png"
@@ -54,19 +57,6 @@ def draw_run(run_dir: Path) -> Path:
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: expected a file that can be written") from None
     return path
-
-
-def _mesh(path: Path) -> trimesh.Trimesh:
-    if not path.exists():
-        raise UserError(f"{path}: does not exist: expected a finished run")
-    try:
-        mesh = trimesh.load_mesh(path)
-        count = len(mesh.faces)
-    except Exception as error:  # trimesh raises errors of many types
-        raise UserError(f"{path}: damaged mesh: {one_line(error)}") from None
-    if count == 0:
-        raise UserError(f"{path}: no triangles: expected one or more")
-    return mesh
 
 
 def _up(run_dir: Path, trajectory: Trajectory) -> np.ndarray:

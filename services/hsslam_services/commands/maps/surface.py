@@ -30,9 +30,8 @@ def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
     try:
         mesh = saved.mesh(voxel_m)
     except UserError as error:
-        raise UserError(
-            str(error).replace(f"mesh.voxel_m = {voxel_m}", f"--voxel {voxel_m:g}")
-        ) from None
+        text = str(error).replace(f"mesh.voxel_m = {voxel_m}", f"--voxel {voxel_m:g}")
+        raise type(error)(text) from None  # also if memory does not suffice
     if len(mesh.faces) == 0:
         raise UserError(
             f"{path}: its {len(saved.keyframes)} keyframes see no surface with --voxel {voxel_m:g}: expected "
