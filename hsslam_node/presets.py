@@ -65,6 +65,8 @@ ESLAM: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=32, hash_levels=0, oneblob_bins=0),
     weights=LossWeights(patch=0.0, smoothness=0.0),
+    mapper=MapperConfig(pose_rate=1e-3),
+    rendering_tracker=RenderingTrackerConfig(settling_iterations=0, first_descents=1),
     ba=BundleAdjustmentConfig(enabled=False),
 )
 
@@ -92,6 +94,8 @@ CO_SLAM: Final = replace(
     rendering_tracker=RenderingTrackerConfig(
         pixels=1024,
         iterations=10,
+        settling_iterations=0,
+        first_descents=1,
         translation_rate=1e-3,
         rotation_rate=1e-3,
         adam_beta1=0.9,
@@ -109,6 +113,7 @@ CO_SLAM: Final = replace(
         top_keyframes=512,
         rays=2048,
         iterations=2,
+        pose_rate=1e-3,
         every_keyframes=1,
     ),
 )

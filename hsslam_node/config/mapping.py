@@ -88,7 +88,7 @@ class MapperConfig:
     """Adam learning rate of the hash grid."""
     decoder_rate: float = 1e-3
     """Adam learning rate of decoders and beta."""
-    pose_rate: float = 1e-3
+    pose_rate: float = 3e-4
     """Adam learning rate of the poses of a window, m and rad, from the fifth keyframe on; 0 keeps them."""
     depth_noise_m: float = 0.0
     """Depth noise at depth 1 m, m; depth and SDF losses weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
@@ -156,7 +156,7 @@ class BundleAdjustmentConfig:
     """Iterations per round."""
     rays: int = 4000
     """Rays per iteration."""
-    pose_rate: float = 1e-3
+    pose_rate: float = 3e-4
     """Adam learning rate of the poses, m and rad; 0 keeps the poses and only updates the map."""
     every_keyframes: int = 4
     """Start a round after N new keyframes."""

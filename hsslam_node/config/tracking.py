@@ -134,6 +134,12 @@ class RenderingTrackerConfig:
     """Pixels per iteration."""
     iterations: int = 8
     """Adam steps."""
+    settling_iterations: int = 4
+    """Steps after these, from the best pose so far, each at half the rates of the step before; the last pose
+    counts. 0: the best pose counts."""
+    first_descents: int = 4
+    """Descents, each from the result of the one before, if the camera's motion is not known: for the second
+    frame, and after a lost one. One descent moves by at most iterations x translation_rate."""
     translation_rate: float = 2e-3
     """Adam learning rate of the camera centre, m."""
     rotation_rate: float = 2e-3
@@ -160,6 +166,8 @@ class RenderingTrackerConfig:
     def __post_init__(self) -> None:
         group = "rendering_tracker"
         expect_positive(self, group, "pixels", "iterations", "translation_rate", "rotation_rate")
+        expect_positive(self, group, "first_descents")
+        expect_not_negative(self, group, "settling_iterations")
         expect_in_range(self, group, "adam_beta1", 0.0, 0.999)
         expect_in_range(self, group, "border", 0.0, 0.3)
         expect_not_negative(self, group, "outlier_factor", "color", "depth", "sdf_middle")

@@ -167,7 +167,11 @@ class PoseObjective(Protocol):
 def descend(
     objective: PoseObjective, T_world_cam: np.ndarray, config: RenderingTrackerConfig
 ) -> np.ndarray:
-    """Descend from T_world_cam [4, 4] with Adam; return the visited pose [4, 4] with the smallest loss."""
+    """Descend from T_world_cam [4, 4] with Adam, then settle from the visited pose with the smallest loss.
+
+    The losses of fresh pixels differ by chance, so the best of a few poses is as far off as a step is long;
+    shorter steps average the pixels.
+    """
     adam = PoseAdam(config.adam_beta1)
     rates = np.array([config.translation_rate] * 3 + [config.rotation_rate] * 3)
     T, best, least = T_world_cam, T_world_cam, float("inf")
@@ -176,4 +180,8 @@ def descend(
         if loss < least:
             best, least = T, loss
         T = moved_about_camera(T, adam.step(gradient, rates))
+    for _ in range(config.settling_iterations):
+        rates = 0.5 * rates
+        _, gradient = objective(best)
+        best = moved_about_camera(best, adam.step(gradient, rates))
     return best

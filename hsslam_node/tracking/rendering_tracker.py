@@ -128,12 +128,19 @@ class RenderingTracker:
             objective = self._objective or self._open_objective(view)
             objective.observe(frame, view)
             for guess in (prediction, T_last):
-                T = descend(objective, guess, self._slam.rendering_tracker)
+                T = self._descended(objective, guess)
                 fit = surface_fit(points, T, view, self._config)
                 view.expect_intact()
                 if self._is_good(fit, T, guess):
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
+
+    def _descended(self, objective: PoseObjective, T_world_cam: np.ndarray) -> np.ndarray:
+        """The pose that descent from T_world_cam reaches, with more descents if the motion is not known."""
+        config, is_motion_known = self._slam.rendering_tracker, self._before_last is not None
+        for _ in range(1 if is_motion_known else config.first_descents):
+            T_world_cam = descend(objective, T_world_cam, config)
+        return T_world_cam
 
     def finish(self) -> None:
         """Do nothing: this tracker has no fragments."""

@@ -23,7 +23,7 @@ ABOVE_ZERO = {
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
     "photometric_huber max_step_m max_step_rad surface_gate_m surface_sigma_m surface_kernel "
     "longest_gap_s weak_direction_m odometry_reach_m odometry_reach_rad",
-    "rendering_tracker": "pixels iterations translation_rate rotation_rate",
+    "rendering_tracker": "pixels iterations first_descents translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "pose_graph": "aligned_every most_keyframes loop_gap loop_reach_m loop_reach_rad sigma_m sigma_rad "
     "odometry_sigma_m odometry_sigma_rad anchor_gap anchor_sigma_m anchor_sigma_rad kernel window",
@@ -36,7 +36,7 @@ ZERO_OR_MORE = {
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats pose_rate",
     "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope sdf_weight "
     "reference_views surface_points",
-    "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
+    "rendering_tracker": "settling_iterations outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "pose_graph": "loops least_shift_m",
     "mesher": "every_s",

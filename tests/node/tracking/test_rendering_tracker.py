@@ -94,6 +94,17 @@ def test_a_black_frame_is_lost_and_the_next_is_tracked(view):
     assert _is_right(results[4], 0.015)  # the start was two frames back
 
 
+def test_while_the_motion_is_not_known_a_camera_may_move_farther_than_one_descent(view):
+    def second(first_descents: int):
+        settings = replace(CONFIG.rendering_tracker, iterations=8, first_descents=first_descents)
+        tracker, _ = _tracker(replace(CONFIG, rendering_tracker=settings))
+        tracker.track(room_frames()[0], view)
+        return tracker.track(room_frames()[3], view)  # 29 mm; a descent goes 16 mm along an axis
+
+    assert _is_right(second(4))
+    assert not _is_right(second(1))
+
+
 def test_a_pose_that_does_not_fit_the_map_is_not_published(view):
     tracker, _ = _tracker()
     tracker.track(room_frames()[0], view)
