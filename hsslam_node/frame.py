@@ -1,6 +1,7 @@
 """One RGB-D frame, which a source yields and the tracker gets. It has no ground truth."""
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -10,13 +11,15 @@ from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
 _LARGEST_INDEX = 1 << 53  # as in messages: languages that have only doubles hold it exactly
-_STAMPS = range(1 << 63)
+_LARGEST_STAMP_NS = (1 << 63) - 1
 _MOST_UNITS_PER_M = 1e9
 
 
 @dataclass(frozen=True)
 class Frame:
     """A colour image with the planar depth registered to it, both undistorted (`Undistortion` does it).
+
+    Numbers may be of NumPy; the frame has those of Python, as messages need them.
 
     Raises:
         UserError: an array has another shape or type than listed below, a number is out of range, or the
@@ -33,11 +36,13 @@ class Frame:
     imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.index, int | np.integer) and 0 <= self.index <= _LARGEST_INDEX):
+        if not (isinstance(self.index, Integral) and 0 <= self.index <= _LARGEST_INDEX):
             raise UserError(f"frame index {self.index}: expected a whole number, 0 to 2^53")
-        if self.stamp_ns not in _STAMPS:
+        stamp_ns, units_per_m = self.stamp_ns, self.depth_units_per_m
+        if not (isinstance(stamp_ns, Integral) and 0 <= stamp_ns <= _LARGEST_STAMP_NS):
             raise UserError(
-                f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 0 to {_STAMPS[-1]}"
+                f"frame {self.index}: stamp_ns = {stamp_ns}: expected a whole number, 0 to "
+                f"{_LARGEST_STAMP_NS}"
             )
         if self.camera.has_lens:
             raise UserError(
@@ -47,11 +52,17 @@ class Frame:
         size = (self.camera.height_px, self.camera.width_px)
         _expect("color", self.color, (*size, 3), np.uint8, self.index)
         _expect("depth_raw", self.depth_raw, size, np.uint16, self.index)
-        if not 0 < self.depth_units_per_m <= _MOST_UNITS_PER_M:
+        if not (
+            isinstance(units_per_m, int | float | np.number)
+            and 0 < units_per_m <= _MOST_UNITS_PER_M
+        ):
             raise UserError(
-                f"frame {self.index}: depth_units_per_m = {self.depth_units_per_m}: expected more than 0, "
+                f"frame {self.index}: depth_units_per_m = {units_per_m}: expected more than 0, "
                 f"{_MOST_UNITS_PER_M:g} at most"
             )
+        object.__setattr__(self, "index", int(self.index))
+        object.__setattr__(self, "stamp_ns", int(stamp_ns))
+        object.__setattr__(self, "depth_units_per_m", float(units_per_m))
 
     def depth_m(self) -> np.ndarray:
         """Planar depth, [H, W] float32 m, 0 = no measurement."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from typing import Literal, Protocol
 
 import numpy as np
@@ -44,11 +45,12 @@ class Camera:
 
     `distortion` is OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tx, ty]]]]), or with
     the model "equidistant" (k1, k2, k3, k4) of its fisheye lenses. Frames on the bus are already
-    undistorted and carry `()`.
+    undistorted and carry `()`. Numbers may be of NumPy; the camera has those of Python, as messages need
+    them.
 
     Raises:
-        UserError: a size or focal length is not positive, a number is not finite or absurdly large, or the
-            lens model has another number of coefficients.
+        UserError: a size or focal length is not positive, a number is not finite or absurdly large or no
+            number, or the lens model has another number of coefficients.
     """
 
     width_px: int
@@ -63,13 +65,20 @@ class Camera:
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            if not abs(value) <= _LARGEST_PX:  # also if it is nan
+            if not (isinstance(value, Real) and abs(value) <= _LARGEST_PX):  # also if it is nan
                 raise UserError(f"camera.{name} = {value}: expected at most {_LARGEST_PX:g} pixels")
+            object.__setattr__(self, name, float(value))
+        for name in ("width_px", "height_px"):
+            value = getattr(self, name)
+            if not isinstance(value, Integral):
+                raise UserError(f"camera.{name} = {value}: expected a whole number of pixels")
+            object.__setattr__(self, name, int(value))
         for name in ("width_px", "height_px", "fx", "fy"):
             value = getattr(self, name)
             if value <= 0:
                 raise UserError(f"camera.{name} = {value}: expected a positive number of pixels")
         expect_lens("camera.distortion", self.distortion, self.distortion_model)
+        object.__setattr__(self, "distortion", tuple(map(float, self.distortion)))
 
     @property
     def K(self) -> np.ndarray:

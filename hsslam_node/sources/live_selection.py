@@ -5,15 +5,19 @@ from dataclasses import replace
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, Silence
 
 
 def selected_live(
     items: Iterable[Frame | BadFrame], options: SourceOptions
 ) -> Iterator[Frame | BadFrame]:
-    """Every `stride`-th after the first `start`, at most `frames` of them, numbered from 0."""
-    used = 0
-    for number, item in enumerate(items):
+    """Every `stride`-th after the first `start`, at most `frames`, numbered from 0; and each `Silence`."""
+    used, number = 0, -1
+    for item in items:
+        if isinstance(item, Silence):
+            yield item
+            continue
+        number += 1
         if number >= options.start and (number - options.start) % options.stride == 0:
             yield replace(item, index=used)
             used += 1

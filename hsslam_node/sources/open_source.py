@@ -1,9 +1,14 @@
 """Opens the source that `--source` names."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from hsslam_node.errors import UserError, one_line
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source import ReadsInTime, Source
@@ -62,9 +67,11 @@ def _plain_source(
         raise UserError(f"source {spec}: package {row.package} does not work: {row.fault}")
     try:
         opener = imported(row.opener)
-        if row.is_live:
-            return opener(source_name(spec), options, should_stop)
-        return opener(source_name(spec), options)
+        further = (should_stop,) if row.is_live else ()
+        source = opener(source_name(spec), options, *further)
+        if row.package:
+            _expect_attributes(source)
+        return source
     except UserError:
         raise
     except Exception as error:
@@ -73,6 +80,25 @@ def _plain_source(
         raise UserError(
             f"source {spec}: package {row.package} does not work: {one_line(error)}"
         ) from error
+
+
+def _expect_attributes(source: Source) -> None:
+    """Check what a plugin's source says of itself.
+
+    Raises:
+        TypeError, AttributeError: an attribute has another type than in `Source`, or is missing.
+    """
+    expected = {
+        "name": (str, "a text"),
+        "camera": (Camera, "a Camera"),
+        "frame_count": (int | np.integer | None, "a whole number or None"),
+        "rate_hz": (int | float | np.number, "a number above 0"),
+        "depth_units_per_m": (int | float | np.number, "a number above 0"),
+    }
+    for name, (kind, what) in expected.items():
+        value: Any = getattr(source, name)
+        if not isinstance(value, kind) or ("above" in what and not 0 < value < math.inf):
+            raise TypeError(f"{name} = {value!r}: expected {what}")
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:

@@ -69,6 +69,11 @@ class LateFrame(BadFrame):
     reason: str = "late"
 
 
+@dataclass(frozen=True)
+class Silence(BadFrame):
+    """A live camera has sent no frame for seconds: the run reports it; `--frames` does not count it."""
+
+
 def frames_in_time(source: Source, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
     """The frames of any source from `first` on; late ones are skipped if the source can do that."""
     if isinstance(source, ReadsInTime):

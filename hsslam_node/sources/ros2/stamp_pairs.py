@@ -24,6 +24,9 @@ class StampPairs(Generic[T]):
     """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
     time between two images away: no nearer one can come. Images older than a returned pair are dropped,
     so pairs come in order. `kept`: images of each kind that wait for their counterpart, the newest.
+
+    For the operator: `nearest_ns` is the least distance of two images that are too far apart; since the last
+    pair, `unpaired_nearest_ns` is this distance, and `unpaired` the numbers of colour and depth images.
     """
 
     def __init__(self, max_dt_ns: int, kept: int = _KEPT) -> None:
@@ -31,17 +34,21 @@ class StampPairs(Generic[T]):
         self._color: deque[T] = deque(maxlen=kept)
         self._depth: deque[T] = deque(maxlen=kept)
         self._color_steps, self._depth_steps = _Steps(), _Steps()
-        self.nearest_ns: int | None = None  # least of two images too far apart, for the operator
+        self.nearest_ns: int | None = None
+        self.unpaired_nearest_ns: int | None = None
+        self.unpaired = (0, 0)
 
     def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if it has come."""
         self._color_steps.add(image.stamp_ns)
+        self.unpaired = (self.unpaired[0] + 1, self.unpaired[1])
         depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
         return None if depth is None else (image, depth)
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if it has come."""
         self._depth_steps.add(image.stamp_ns)
+        self.unpaired = (self.unpaired[0], self.unpaired[1] + 1)
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else (color, image)
 
@@ -51,6 +58,7 @@ class StampPairs(Generic[T]):
             if found is not None:
                 apart_ns = abs(found.stamp_ns - image.stamp_ns)
                 self.nearest_ns = min(apart_ns, self.nearest_ns or apart_ns)
+                self.unpaired_nearest_ns = min(apart_ns, self.unpaired_nearest_ns or apart_ns)
             same.append(image)
             return None
         if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.usual_ns:
@@ -58,6 +66,7 @@ class StampPairs(Generic[T]):
             return None
         _forget_until(others, found.stamp_ns)
         _forget_until(same, image.stamp_ns)
+        self.unpaired, self.unpaired_nearest_ns = (0, 0), None
         return found
 
 

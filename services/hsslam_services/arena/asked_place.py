@@ -102,7 +102,10 @@ class AskedPlace:
         if result is None and self._is_closed:
             return Refusal(reason="not_now", text="locate: the run ends: expected one that goes on")
         if result is None:
-            text = f"locate: no frame for {_LONGEST_S:g} s: expected a camera that sends frames"
+            text = (
+                f"locate: no frame for {_LONGEST_S:g} s: expected a camera that sends frames, and no pause "
+                "(hsslam-ctl resume)"
+            )
             return Refusal(reason="not_now", text=text)
         if not _is_there(result, near):
             return Refusal(reason="failed", text=_not_there(at, result, frames))

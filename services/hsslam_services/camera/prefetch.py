@@ -55,6 +55,10 @@ class Prefetch(Generic[T]):
             self._put(_END)
         except Exception as error:
             self._put(error)
+        except (
+            BaseException
+        ) as error:  # such as `sys.exit` in a plugin, which ends this thread alone
+            self._put(RuntimeError(repr(error)))
 
     def _put(self, item: object) -> bool:
         while not self._closed.is_set():

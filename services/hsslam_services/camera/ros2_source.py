@@ -15,7 +15,7 @@ from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
-from hsslam_node.sources.source import BadFrame, SourceLostError
+from hsslam_node.sources.source import BadFrame, Silence, SourceLostError
 from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_client, open_router
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
@@ -72,6 +72,9 @@ class Ros2Source:
         except BaseException:
             self._session.close()
             raise
+        color_frame, depth_frame = (image.frame_id for image in first)
+        if color_frame and depth_frame and color_frame != depth_frame:
+            self.reports.add(_other_frame(self._topics[1], depth_frame, color_frame))
         self.name = f"ros2:{name}"
         self.camera = self._frames.camera
         self.rate_hz = _RATE_HZ
@@ -79,7 +82,7 @@ class Ros2Source:
         self.depth_units_per_m = self._frames.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` for an unusable pair, and for each 5 s without a pair.
+        """Frames as they come; a `BadFrame` for an unusable pair, a `Silence` after each 5 s without a pair.
 
         Raises:
             SourceLostError: no pair for 15 s.
@@ -104,10 +107,11 @@ class Ros2Source:
                 yield self._sensors.given(frame) if isinstance(frame, Frame) else frame
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
-                yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
+                text = f"no frame for {_SILENCE_S:g} s: {self._heard_since_last_pair()}"
+                yield Silence(0, time.time_ns(), text)
                 if silences == _MOST_SILENCES:
                     raise SourceLostError(
-                        f"source {self.name}: nothing for {silences * _SILENCE_S:g} s"
+                        f"source {self.name}: no frame for {silences * _SILENCE_S:g} s"
                     )
             else:
                 time.sleep(_POLL_S)
@@ -131,15 +135,19 @@ class Ros2Source:
             (self._depth, self._pairs.add_depth),
         ):
             while (sample := subscriber.try_recv()) is not None:
-                if len(sample.payload) > _LARGEST_BYTES:
-                    text = f"{len(sample.payload)} bytes: expected at most {_LARGEST_BYTES}"
-                    raise BadImageError(f"{topic_of(str(sample.key_expr))}: {text}")
-                pair = add(
-                    self._cdr.image(sample.payload.to_bytes(), type_of(str(sample.key_expr)))
-                )
-                if pair is not None:
+                if (pair := add(self._image(sample))) is not None:
                     return pair
         return None
+
+    def _image(self, sample: zenoh.Sample) -> RawImage:
+        """The image of a message, not decoded yet; raises BadImageError, which names the topic."""
+        key, nbytes = str(sample.key_expr), len(sample.payload)
+        try:
+            if nbytes > _LARGEST_BYTES:
+                raise BadImageError(f"{nbytes} bytes: expected at most {_LARGEST_BYTES}")
+            return self._cdr.image(sample.payload.to_bytes(), type_of(key))
+        except BadImageError as error:
+            raise BadImageError(f"{topic_of(key)}: {error}") from None
 
     def _wait(self, name: str) -> tuple[Camera, tuple[RawImage, RawImage]]:
         """Wait for the intrinsics and the first pair."""
@@ -183,11 +191,21 @@ class Ros2Source:
         return camera, pair
 
     def _why_none(self) -> str:
-        nearest_ns = self._pairs.nearest_ns
-        if nearest_ns is None:
-            return ""
+        return "" if self._pairs.nearest_ns is None else f"; {self._apart(self._pairs.nearest_ns)}"
+
+    def _heard_since_last_pair(self) -> str:
+        """The topics without images, and the numbers of images of the others."""
+        heard = dict(zip(self._topics, self._pairs.unpaired, strict=False))
+        silent = [topic for topic, count in heard.items() if not count]
+        counts = [f"{count} on {topic}" for topic, count in heard.items() if count]
+        missing = [f"no images on {' and '.join(silent)}"] if silent else []
+        nearest_ns = self._pairs.unpaired_nearest_ns
+        apart = [self._apart(nearest_ns)] if nearest_ns is not None and not silent else []
+        return ", ".join([*missing, *counts, *apart])
+
+    def _apart(self, nearest_ns: int) -> str:
         limit = f"--ros2.max-dt-ms {self._options.ros2.max_dt_ms:g}"
-        return f"; colour and depth are {nearest_ns / 1e6:.1f} ms apart, {limit}"
+        return f"colour and depth are {nearest_ns / 1e6:.1f} ms apart, {limit}"
 
     def _heard(self) -> str:
         """The topics of sensor_msgs that publish within 1 s."""
@@ -199,6 +217,15 @@ class Ros2Source:
             keys.add(str(sample.key_expr))
         found = sorted(f"{topic_of(key)} ({type_of(key).rpartition('/')[2]})" for key in keys)
         return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
+
+
+def _other_frame(topic: str, depth_frame: str, color_frame: str) -> Report:
+    """Depth names another camera than colour; the images alone do not show whether it is registered."""
+    return Report(
+        "frame_id of depth",
+        f"{topic}: frame_id {depth_frame}: expected {color_frame} as colour, if depth is registered to it "
+        "(realsense: align_depth.enable:=true)",
+    )
 
 
 def _session(router: str) -> zenoh.Session:

@@ -97,15 +97,19 @@ def _expect_registered(
     source: str, camera: Camera, color: RawImage, depth: RawImage, depth_scale: float | None
 ) -> float:
     """Units per metre of depth; raises UserError unless colour, depth and camera have the same size."""
+    kind = source.partition(":")[0]
     try:
         height, width = color.color().shape[:2]
+    except BadImageError as error:
+        raise UserError(f"source {source}: {error} (--{kind}.color)") from None
+    try:
         depth_raw, units = depth.depth(depth_scale)
     except BadImageError as error:
-        raise UserError(f"source {source}: {error}") from None
+        raise UserError(f"source {source}: {error} (--{kind}.depth)") from None
     if (camera.width_px, camera.height_px) != (width, height):
         raise UserError(
             f"source {source}: camera_info is for {camera.width_px}x{camera.height_px} pixels: expected "
-            f"{width}x{height} as the images (--{source.partition(':')[0]}.info)"
+            f"{width}x{height} as the images (--{kind}.info)"
         )
     if depth_raw.shape != (height, width):
         raise UserError(

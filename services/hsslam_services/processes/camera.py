@@ -6,13 +6,15 @@ Arena: reads keyframes, map_state
 """
 
 import contextlib
+import math
 import time
 from collections.abc import Generator
 from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, LateFrame, Source, frames_in_time
+from hsslam_node.sources.skipped_frames import SkippedFrames
+from hsslam_node.sources.source import BadFrame, LateFrame, Silence, Source, frames_in_time
 from hsslam_proto import topics
 from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
@@ -66,7 +68,7 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
-    if is_live(options.source) and progress.next_index == options.frames:
+    if is_live(options.source) and progress.next_index >= (options.frames or math.inf):
         _end(worker, progress, LastFrame(worker))  # the previous camera process sent all `--frames`
         return
     after = progress.next_index if is_live(options.source) else 0
@@ -96,6 +98,7 @@ def _run(worker: Worker) -> None:
         )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
     last_frame, first_bad = LastFrame(worker), ""
+    skipped = SkippedFrames(lambda text: worker.event("warning", text))
     map_epoch = mode.map_epoch
     with contextlib.closing(_items(worker, source, progress.next_index, pace)) as items:
         pace.wait_for_peers()
@@ -108,6 +111,9 @@ def _run(worker: Worker) -> None:
                 pace.begin_map_epoch()
             if worker.should_stop():
                 break
+            if isinstance(item, Silence):
+                worker.event("warning", f"source {source.name}: {item.reason}")
+                continue
             if isinstance(item, LateFrame):
                 progress.skipped += 1
                 if progress.skipped == 1:
@@ -115,7 +121,7 @@ def _run(worker: Worker) -> None:
             elif isinstance(item, BadFrame):
                 progress.bad += 1
                 first_bad = first_bad or item.reason
-                worker.event("warning", f"frame {item.index} skipped: {item.reason}")
+                skipped.add(item)
             else:
                 _expect_order(source, item, progress.last_index)
                 pace.send(item)
@@ -125,6 +131,7 @@ def _run(worker: Worker) -> None:
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
+    skipped.report_more()
     if first_bad and not progress.sent and not worker.should_stop():
         raise UserError(
             f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"

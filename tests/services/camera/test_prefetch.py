@@ -1,5 +1,6 @@
 """Running ahead, by a bounded number, with errors handed over."""
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -44,6 +45,17 @@ def test_error_of_the_items_is_raised_behind_what_came_before():
     ahead = iter(Prefetch(items(), depth=2))
     assert next(ahead) == 1
     with pytest.raises(ValueError, match="broken"):
+        next(ahead)
+
+
+def test_an_exit_of_the_items_is_an_error_and_no_wait_without_end():
+    def items():
+        yield 1
+        sys.exit(3)
+
+    ahead = iter(Prefetch(items(), depth=2))
+    assert next(ahead) == 1
+    with pytest.raises(RuntimeError, match=r"SystemExit\(3\)"):
         next(ahead)
 
 

@@ -17,7 +17,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, Silence
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera import ros2_source
@@ -64,11 +64,22 @@ def test_a_driver_that_is_restarted_with_another_lens_before_there_are_keyframes
     finally:
         first.close()
         second.close()
-    assert [item.index for item in taken] == list(range(20))  # `--frames`, and `--start` once
+    counted = [item.index for item in taken if not isinstance(item, Silence)]
+    assert counted == list(range(20))  # `--frames`, and `--start` once
     good = [item for item in taken if isinstance(item, Frame)]
     assert good[0].camera.fx != 99.0 and good[-1].camera.fx == 99.0
-    lost = [item.reason for item in taken if isinstance(item, BadFrame)]
-    assert len(lost) == 3 and all(reason.startswith("nothing for 0.2 s") for reason in lost)
+    lost = [item.reason for item in taken if isinstance(item, Silence)]
+    assert len(lost) == 3 and all(reason.startswith("no frame for 0.2 s: no") for reason in lost)
+
+
+@pytest.mark.parametrize("first", [0, 3])
+def test_a_camera_that_does_not_count_its_frames_ends_after_those_that_are_asked_for(
+    make_run: Callable[..., RunInfo], first: int
+):
+    run = make_run(source="synth:room", frames=4)
+    with Worker("camera", replace(run, supervisor_pid=os.getppid())) as worker:
+        taken = list(live_frames(worker, open_source("synth:room", _ROOM), first))
+    assert [item.index for item in taken] == list(range(first, 4))  # of six
 
 
 def test_what_a_source_has_to_tell_is_told_once_and_counted(

@@ -20,7 +20,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.reports import Report, reports_of
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, Silence
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
@@ -133,10 +133,11 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     assert all(isinstance(frame, Frame) for frame in itertools.islice(frames, 3))
     ros_camera.put("/camera/color/image_raw", b"\0\1\0\0 no image")
     told = next(item for item in frames if isinstance(item, BadFrame))
-    assert "no sensor_msgs/msg/Image in CDR" in told.reason
+    assert told.reason.startswith("/camera/color/image_raw: no sensor_msgs/msg/Image in CDR")
     ros_camera.stop()
     told = next(item for item in frames if isinstance(item, BadFrame))
-    assert told.reason.startswith("nothing for 0.3 s")
+    assert isinstance(told, Silence)
+    assert told.reason.startswith("no frame for 0.3 s: no images on /camera/color/image_raw and /")
     ended.set()
     assert list(itertools.islice(frames, 10)) == []
 

@@ -12,6 +12,7 @@ from hsslam_services.run.source_table import OWN_SOURCES, comes_over_bus
 from tests.services.run.installed_package import install
 
 _ROW = """
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.source_row import SourceRow
 
 def row(kind, opener, **more):
@@ -28,6 +29,16 @@ FALLS = row("falls", "plugin_rows_of_test:fall", looks_like=cannot_look)
 NO_DRIVER = row("driverless", "plugin_driver_that_is_not_there:Source")
 TUM = row("tum", "hsslam_node.sources.record:RecordSource")
 EXAMPLES = SourceRow("examples", ("other:FOLDER",), "frames", "frames", "a:b")
+NAMELESS = row("nameless", "plugin_rows_of_test:Nameless")
+STILL = row("still", "plugin_rows_of_test:Still")
+
+class Nameless:
+    def __init__(self, name, options):
+        pass
+
+class Still(Nameless):
+    name, camera, frame_count = "still", Camera(64, 48, 50.0, 50.0, 31.5, 23.5), None
+    rate_hz = depth_units_per_m = 0.0
 
 def fall(name, options):
     raise RuntimeError("camera\\non fire")
@@ -43,14 +54,16 @@ _POINTS = {
     "function": "plugin_rows_of_test:row",
     "gone": "plugin_rows_of_test:GONE",
     "unwritten": "plugin_that_is_not_there:ROW",
+    "nameless": "plugin_rows_of_test:NAMELESS",
+    "still": "plugin_rows_of_test:STILL",
 }
 
 
 @pytest.fixture
 def rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[SourceRow, ...]:
-    """Our own sources and those of a package of nine, of which one works."""
+    """Our own sources and those of a package of eleven, of which one works."""
     folder = tmp_path / "site"
-    install(folder, "nine-cameras", {"plugin_rows_of_test": _ROWS}, _POINTS)
+    install(folder, "eleven-cameras", {"plugin_rows_of_test": _ROWS}, _POINTS)
     monkeypatch.syspath_prepend(str(folder))
     found = tuple(row for row in plugin_rows(OWN_SOURCES) if row.package != "hsslam-node")
     assert [row.kind for row in found] == sorted(_POINTS)
@@ -77,12 +90,14 @@ def test_a_source_of_another_package_is_one_as_our_own(rows, tmp_path):
         ("function", "plugin_rows_of_test:row is function: expected SourceRow"),
         ("gone", "AttributeError: module 'plugin_rows_of_test' has no attribute 'GONE'"),
         ("unwritten", "ModuleNotFoundError: No module named 'plugin_that_is_not_there'"),
+        ("nameless", "AttributeError: 'Nameless' object has no attribute 'name'"),
+        ("still", "TypeError: rate_hz = 0.0: expected a number above 0"),
     ],
 )
 def test_one_that_does_not_work_says_why_in_one_line(rows, kind: str, reason: str):
     with pytest.raises(UserError) as caught:
         open_source(f"{kind}:x", rows=rows)
-    told = f"source {kind}:x: package nine-cameras does not work: {reason}"
+    told = f"source {kind}:x: package eleven-cameras does not work: {reason}"
     assert str(caught.value) == told
 
 
@@ -92,7 +107,7 @@ def test_a_package_cannot_take_a_kind_of_ours(rows, tmp_path):
     assert theirs.fault == "kind 'tum' is taken: expected another"
     with pytest.raises(UserError) as caught:
         open_source(f"tum:{tmp_path}/nothing", rows=rows)
-    assert "nine-cameras" not in str(caught.value)
+    assert "eleven-cameras" not in str(caught.value)
 
 
 def test_what_does_not_work_is_no_source_over_the_bus(rows):

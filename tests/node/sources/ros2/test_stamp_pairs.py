@@ -44,7 +44,11 @@ def test_it_says_how_far_apart_they_are():
     assert pairs.nearest_ns is None
     for depth, nearest_ns in ((40, 40), (17, 17), (60, 17)):
         pairs.add_depth(image(depth))
-        assert pairs.nearest_ns == nearest_ns
+        assert pairs.nearest_ns == pairs.unpaired_nearest_ns == nearest_ns
+    assert pairs.unpaired == (1, 3)
+    pairs.add_depth(image(70))
+    assert pairs.add_color(image(70)) is not None
+    assert (pairs.unpaired, pairs.unpaired_nearest_ns, pairs.nearest_ns) == ((0, 0), None, 17)
 
 
 def _in_turn(color: list[int], depth: list[int]) -> list[tuple[str, int]]:
