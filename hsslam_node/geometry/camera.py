@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Literal, Protocol
 
 import numpy as np
@@ -65,7 +65,9 @@ class Camera:
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            if not (isinstance(value, Real) and abs(value) <= _LARGEST_PX):  # also if it is nan
+            if not (
+                isinstance(value, int | float | np.number) and abs(value) <= _LARGEST_PX
+            ):  # also if it is nan
                 raise UserError(f"camera.{name} = {value}: expected at most {_LARGEST_PX:g} pixels")
             object.__setattr__(self, name, float(value))
         for name in ("width_px", "height_px"):

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -92,13 +91,14 @@ def _expect_attributes(source: Source) -> None:
         "name": (str, "a text"),
         "camera": (Camera, "a Camera"),
         "frame_count": (int | np.integer | None, "a whole number or None"),
-        "rate_hz": (int | float | np.number, "a number above 0"),
-        "depth_units_per_m": (int | float | np.number, "a number above 0"),
     }
     for name, (kind, what) in expected.items():
-        value: Any = getattr(source, name)
-        if not isinstance(value, kind) or ("above" in what and not 0 < value < math.inf):
+        if not isinstance(value := getattr(source, name), kind):
             raise TypeError(f"{name} = {value!r}: expected {what}")
+    for name in ("rate_hz", "depth_units_per_m"):
+        value = getattr(source, name)
+        if not (isinstance(value, int | float | np.number) and 0 < value < math.inf):
+            raise TypeError(f"{name} = {value!r}: expected a number above 0")
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:
