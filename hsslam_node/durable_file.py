@@ -3,8 +3,13 @@
 import contextlib
 import errno
 import os
+import shutil
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+_STDOUT = Path("/dev/stdout")
 
 
 @contextlib.contextmanager
@@ -12,12 +17,22 @@ def durable_file(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path with the suffix of `path`; after the block its file replaces `path`.
 
     After the block the new content is on the disk. Before, or after a power cut during the block,
-    readers find the old content. If the block raises, the temporary file is removed.
+    readers find the old content. If the block raises, the temporary file is removed. A link stays, and the
+    file that it names is replaced. A pipe or a device, such as /dev/stdout, gets the content at the end.
 
     Raises:
         OSError: the file or its folder cannot be written.
     """
     path = Path(path)
+    if path == _STDOUT or (path.exists() and not path.is_file() and not path.is_dir()):
+        with tempfile.TemporaryDirectory() as folder:
+            yield (whole := Path(folder) / path.name)
+            # a second description of standard output would overwrite what a file has
+            place = os.dup(sys.stdout.fileno()) if path == _STDOUT else path
+            with whole.open("rb") as source, open(place, "wb") as stream:
+                shutil.copyfileobj(source, stream)
+        return
+    path = Path(os.path.realpath(path))
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         yield partial

@@ -111,7 +111,7 @@ class TumFolder:
     def _read_lines(self, name: str) -> tuple[list[int], list[Path]]:
         path = self.path / name
         try:
-            lines = path.read_text().splitlines()
+            lines = path.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError):
             raise UserError(f"{path}: cannot be read: expected lines 'timestamp file'") from None
         stamps, files = [], []

@@ -1,5 +1,10 @@
 """Files on a disk whose power is cut the moment after they are told as written."""
 
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import trimesh
@@ -43,6 +48,40 @@ def test_what_fails_leaves_nothing_and_the_old_content(tmp_path):
     assert [found.name for found in tmp_path.iterdir()] == ["map.bin"]
     with pytest.raises(FileNotFoundError):
         write_durably(tmp_path / "none" / "file", b"")
+
+
+def test_a_link_stays_and_its_file_is_replaced(tmp_path):
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link.json"
+    link.symlink_to("real/file.json")
+    for content in (b"first", b"second"):  # at first the link names no file
+        write_durably(link, content)
+        assert link.is_symlink() and (tmp_path / "real/file.json").read_bytes() == content
+
+
+def test_a_pipe_gets_the_content_and_stays(tmp_path):
+    pipe = tmp_path / "pipe.json"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor(1) as reader:
+        read = reader.submit(pipe.read_bytes)
+        write_durably(pipe, b"content")
+        assert read.result(20) == b"content"
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("is_file", [False, True])
+def test_standard_output_gets_the_content_behind_what_came_before(tmp_path, is_file):
+    code = (
+        "import sys; from hsslam_node.durable_file import write_durably as write; "
+        "print('first', flush=True); write('/dev/stdout', b'content\\n'); print('last')"
+    )
+    out = tmp_path / "out.txt"
+    with out.open("wb") as stream:
+        done = subprocess.run(
+            [sys.executable, "-c", code], stdout=stream if is_file else subprocess.PIPE, check=True
+        )
+    lines = out.read_bytes() if is_file else done.stdout
+    assert lines.split() == [b"first", b"content", b"last"]
 
 
 def _size(path):

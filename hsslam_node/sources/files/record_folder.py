@@ -66,7 +66,8 @@ class RecordFolder:
         for name in names:
             folder = self.path / name
             if folder.is_dir():
-                files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes]
+                found = folder.iterdir()  # without hidden files, such as ._0.png of macOS
+                files = [p for p in found if p.suffix.lower() in suffixes and p.name[0] != "."]
                 if not files:
                     raise UserError(f"{folder}: no images: expected {', '.join(suffixes)}")
                 return sorted(files, key=_natural)

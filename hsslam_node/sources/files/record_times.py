@@ -42,7 +42,7 @@ def read_times(folder: Path, files: list[Path]) -> dict[Path, int] | None:
 def _read_rows(path: Path) -> list[tuple[str, int]]:
     """(file or nothing, stamp in ns) of every line."""
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError):
         raise UserError(f"{path}: cannot be read: expected lines 'stamp' or 'stamp file'") from None
     rows, has_titles = [], False

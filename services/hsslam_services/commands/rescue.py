@@ -1,5 +1,6 @@
 """`hsslam-serve rescue DIR`: saves the results in the arena of an earlier run."""
 
+import contextlib
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -62,9 +63,20 @@ def _places(given: Path) -> tuple[Path, Path]:
         return Path(RunInfo.read(given).arena_dir), given
     unsaved = read_unsaved(given)
     try:
-        return given, unsaved.run_dir if unsaved else run_dir_of(given)
+        run_dir = unsaved.run_dir if unsaved else run_dir_of(given)
     except OSError:
         raise UserError(f"{given}: not an arena: expected a run folder") from None
+    return given, _not_of_another_run(run_dir, RunInfo.read(given).run_id)
+
+
+def _not_of_another_run(run_dir: Path, run_id: str) -> Path:
+    """The run folder, or a folder beside it if another run has its results there now."""
+    with contextlib.suppress(UserError):
+        if RunInfo.read(run_dir).run_id != run_id:
+            beside = run_dir.with_name(f"{run_dir.name}-rescued-{run_id}")
+            print(f"{run_dir}: holds another run now: saving to {beside}", file=sys.stderr)
+            return beside
+    return run_dir
 
 
 def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:

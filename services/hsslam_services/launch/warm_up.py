@@ -2,8 +2,10 @@
 
 import argparse
 import dataclasses
+import errno
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable
 from multiprocessing import get_context
@@ -88,6 +90,8 @@ def _compile_for_run(report: Report) -> _TinyRun:
     made = _track_and_mesh(report)
     report("mapping, bundle adjustment, tracking by rendering")
     mapping.join()
+    if mapping.exitcode == os.EX_IOERR:
+        raise OSError(errno.EIO, "cannot be written")
     if mapping.exitcode != 0:
         raise RuntimeError(f"compiling the kernels of mapping ended with code {mapping.exitcode}")
     return made
@@ -108,9 +112,12 @@ def _map_a_wall(parent_pid: int) -> None:
         preset.ba, every_keyframes=1, loss_threshold=1e-9, iterations=1, pose_rate=1e-4
     )
     mapper = dataclasses.replace(preset.mapper, parts=2)  # as in the presets of publications
-    slam = Slam(_briefly(dataclasses.replace(preset, ba=ba, mapper=mapper), "rendering"))
-    for frame in textured_wall(3):
-        slam.process(frame)
+    try:
+        slam = Slam(_briefly(dataclasses.replace(preset, ba=ba, mapper=mapper), "rendering"))
+        for frame in textured_wall(3):
+            slam.process(frame)
+    except OSError:  # of the cache folder, which the parent names
+        sys.exit(os.EX_IOERR)
 
 
 def _track_and_mesh(report: Report) -> _TinyRun:

@@ -49,6 +49,10 @@ class FileIndex:
         """Number of messages by topic."""
         return {self.channels[id].topic: count for id, count in self._counts.items()}
 
+    @property
+    def has_chunks(self) -> bool:
+        return bool(self._chunks)
+
     def define(self, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
         """Add definitions; known ones stay."""
         self.schemas = {**schemas, **self.schemas}

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -22,7 +23,7 @@ from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.arrival_order import in_order_of_arrival
 from hsslam_services.log.file_index import is_finished
-from hsslam_services.log.parts import parts
+from hsslam_services.log.parts import part_number, parts
 from hsslam_services.log.recovery import recover
 from hsslam_services.log.whole_records import MAGIC, TORN
 from hsslam_services.run.find_run import running_runs
@@ -114,6 +115,9 @@ def log_parts(place: str | Path, say: Say) -> list[Path]:
         UserError: no such file or folder, no MCAP file, or a run still writes it.
     """
     found = log_files(place)
+    for before, after in pairwise(found):
+        if part_number(after) != part_number(before) + 1:
+            say(f"{after}: the part before it is missing, after {before.name}: the log has a gap")
     for file in found:
         make_readable(file, say)
     return [file for file in found if len(found) == 1 or _has_messages(file)] or found

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import IO
 
 import lz4.frame
+from mcap.reader import make_reader
 from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata
 
 from hsslam_node import __version__
@@ -67,6 +68,13 @@ def recover(path: Path) -> Recovered:
     with path.open("r+b") as stream:
         lock_log(stream, path)
         survey = _survey(stream)
+        if (
+            survey.damage
+            and not survey.index.has_chunks
+            and is_finished(path)
+            and _is_readable(path)
+        ):
+            return Recovered(survey.index.counts, was_whole=True)  # messages without chunks
         if not survey.is_ours:
             if not survey.damage and is_finished(path):
                 return Recovered(survey.index.counts, was_whole=True)
@@ -80,6 +88,19 @@ def recover(path: Path) -> Recovered:
             return Recovered(survey.index.counts, was_whole=True)
         _finish(stream, survey)
         return Recovered(survey.index.counts)
+
+
+def _is_readable(path: Path) -> bool:
+    """Whether the library reads as many messages as the summary counts, with all checksums right."""
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+    except TORN:
+        return False
+    statistics = summary.statistics if summary else None
+    return statistics is not None and count == statistics.message_count > 0
 
 
 def lock_log(stream: IO[bytes], path: Path) -> None:

@@ -107,11 +107,13 @@ def test_numbers_with_leading_zeros_are_no_stamps_and_10_comes_after_9(tmp_path)
         ("times.txt", "5.5\n6.25\n"),
         ("timestamps.csv", "timestamp [ns],filename\n5500000000.0e-9,0.png\n6.25,1.png\n"),
         ("times.csv", "# seconds\ncolor/1.png; 6.25\ncolor/0.png; 5.5\n"),
+        ("times.txt", "\ufeff5.5\r\n6.25\r\n"),  # of Windows
     ],
 )
 def test_a_list_of_times(tmp_path, name, text):
     folder = record(tmp_path, ["0.png", "1.png"], ["0.png", "1.png"])
-    (folder / name).write_text(text)
+    (folder / name).write_text(text, encoding="utf-8")
+    next(folder.glob("*/0.png")).with_name("._0.png").write_bytes(b"of macOS")
     assert stamps_of(source_of(folder)) == [5_500_000_000, 6_250_000_000]
 
 
@@ -138,7 +140,8 @@ def test_a_list_of_times_that_is_wrong(tmp_path, text, words):
 
 def test_the_camera_comes_from_its_file_and_the_options_go_before_it(tmp_path):
     folder = record(tmp_path, ["0.png"], ["0.png"])
-    (folder / "camera.json").write_text(json.dumps({"fx": 40, "fy": 41, "depth_scale": 1000}))
+    of_camera = json.dumps({"fx": 40, "fy": 41, "depth_scale": 1000})
+    (folder / "camera.json").write_text(f"\ufeff{of_camera}", encoding="utf-8")
     source = source_of(folder, CameraOptions())
     assert (source.camera.fx, source.camera.fy, source.depth_units_per_m) == (40, 41, 1000)
     assert (source.camera.cx, source.camera.cy) == (31.5, 23.5)

@@ -25,10 +25,12 @@ from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.log.parts import parts
 from hsslam_services.log.reader import bus_messages, log_parts
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import SERVICE_SOURCES
+from tests.services.log.sample_log import write_log
 from tests.services.wire_samples import pose
 
 _EVENT = Event(process="mapper", level="info", text="a line", stamp_ns=0)
@@ -279,3 +281,16 @@ def _log(folder, count):
         log._part._writer.flush()
     log.close()
     return log.path
+
+
+def test_a_part_that_is_missing_is_told(tmp_path):
+    write_log(tmp_path, part_bytes=1 << 16)
+    first, gone, *later = parts(tmp_path)
+    assert later
+    gone.unlink()
+    told: list[str] = []
+    assert log_parts(tmp_path, told.append) == [first, *later]
+    text = "the part before it is missing, after run.mcap: the log has a gap"
+    assert told == [f"{later[0]}: {text}"]
+    first.unlink()  # as --log-keep removes the oldest
+    assert log_parts(tmp_path, told.append) == later and len(told) == 1

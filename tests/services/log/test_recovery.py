@@ -12,7 +12,7 @@ from mcap.writer import Writer
 
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
-from hsslam_services.log.channel_copies import CHANNELS
+from hsslam_services.log.channel_copies import CHANNELS, LIBRARY
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
 from hsslam_services.log.reader import log_parts
@@ -215,3 +215,18 @@ def _sequences(path, all_defined=True):
         assert schema is not None
         assert (channel.topic, schema.name) == (topic.key("r"), topic.schema)
     return sequences
+
+
+def test_messages_without_chunks_are_no_damage(tmp_path):
+    """MCAP allows them; only chunks have checksums."""
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start(library=LIBRARY)
+        channel = writer.register_channel("hsslam/r/out/pose", "msgpack", 0)
+        for k in range(20):
+            writer.add_message(channel, k, b"pose", k)
+        writer.finish()
+    content = path.read_bytes()
+    assert recover(path).was_whole
+    assert path.read_bytes() == content and list(tmp_path.iterdir()) == [path]

@@ -64,11 +64,12 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     assert summary["end_s"]["camera"] > 0 and max(summary["end_s"].values()) < 120
     still = _rescue(run.out)
     assert still.returncode == ExitCode.NOT_SAVED and "Is a directory" in still.stderr
+    _expect_rescue_beside_another_run(run, arena)
     in_the_way.rmdir()
     replaced = run.out / ".replaced"
     replaced.mkdir()
     (replaced / "map.safetensors").write_text("of the run before")
-    done = _rescue(arena)
+    done = _rescue(run.out)
     assert done.returncode == ExitCode.NOT_SAVED and of_log in done.stderr
     assert f"{run.out}: the results of the previous run are in earlier\n" in done.stderr
     assert (run.out / "earlier" / "map.safetensors").read_text() == "of the run before"
@@ -78,6 +79,21 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     run.expect_nothing_left()
     again = _rescue(run.out)  # without its memory
     assert again.returncode == ExitCode.NOT_SAVED and of_log in again.stderr
+
+
+def _expect_rescue_beside_another_run(run: ServeProcess, arena: Path) -> None:
+    """A rescue by the arena, while another run has the folder."""
+    own = (run.out / "run.json").read_text()
+    run_id = json.loads(own)["run_id"]
+    (run.out / "run.json").write_text(own.replace(run_id, "another"))
+    files = {path: path.stat().st_mtime_ns for path in run.out.iterdir()}
+    beside = run.out.with_name(f"{run.out.name}-rescued-{run_id}")
+    (beside / "trajectory.txt").mkdir(parents=True)  # so that memory stays
+    done = _rescue(arena)
+    assert done.returncode == ExitCode.NOT_SAVED
+    assert f"{run.out}: holds another run now: saving to {beside}\n" in done.stderr
+    assert {path: path.stat().st_mtime_ns for path in run.out.iterdir()} == files
+    (run.out / "run.json").write_text(own)
 
 
 def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve, tmp_path: Path):

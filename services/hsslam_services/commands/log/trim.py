@@ -7,6 +7,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from hsslam_node import __version__
+from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
 from hsslam_services.log.reader import log_reader, start_ns
@@ -27,8 +28,7 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
             raise UserError(f"{out}: is the log itself: expected another file")
         if out.is_dir():
             raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")
-        copy = out.with_name(f".{out.name}.trimming")
-        try:
+        with durable_file(out) as copy:
             with copy.open("wb") as stream:
                 trimmed = _Trimmed(Writer(stream, compression=CompressionType.LZ4))
                 count = trimmed.copy(files, _ns(start_s), _ns(math.inf if end_s is None else end_s))
@@ -37,9 +37,6 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
                 raise UserError(
                     f"{files[0]}: no message from {stretch}: expected a time within the log"
                 )
-            copy.replace(out)
-        finally:
-            copy.unlink(missing_ok=True)
     except OSError as error:
         raise UserError(f"{out}: {error.strerror}: expected a file that can be written") from None
     return count
