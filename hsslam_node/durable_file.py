@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 _STDOUT = Path("/dev/stdout")
 
@@ -27,9 +28,7 @@ def durable_file(path: Path | str) -> Iterator[Path]:
     if path == _STDOUT or (path.exists() and not path.is_file() and not path.is_dir()):
         with tempfile.TemporaryDirectory() as folder:
             yield (whole := Path(folder) / path.name)
-            # a second description of standard output would overwrite what a file has
-            place = os.dup(sys.stdout.fileno()) if path == _STDOUT else path
-            with whole.open("rb") as source, open(place, "wb") as stream:
+            with whole.open("rb") as source, _opened(path) as stream:
                 shutil.copyfileobj(source, stream)
         return
     path = Path(os.path.realpath(path))
@@ -42,6 +41,11 @@ def durable_file(path: Path | str) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """The file, open for writing; standard output goes on where it is, also if it is a file."""
+    return os.fdopen(os.dup(sys.stdout.fileno()), "wb") if path == _STDOUT else path.open("wb")
 
 
 def write_durably(path: Path | str, data: bytes) -> None:

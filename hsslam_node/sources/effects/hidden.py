@@ -11,6 +11,8 @@ from hsslam_node.sources.files.image_files import BadImageError, read_mask
 from hsslam_node.sources.source import Source
 from hsslam_node.user_path import user_path
 
+_MOST_HIDDEN = 0.99  # with less, no frame can be tracked
+
 
 class Masked(ChangedSource):
     """A source without depth where a mask is black, such as at parts of the robot in view.
@@ -19,7 +21,7 @@ class Masked(ChangedSource):
     the brightest channel counts.
 
     Raises:
-        UserError: the mask cannot be read, or has another size.
+        UserError: the mask cannot be read, has another size, or hides nearly everything.
     """
 
     def __init__(self, source: Source, mask: str) -> None:
@@ -28,6 +30,10 @@ class Masked(ChangedSource):
             self._is_hidden = read_mask(user_path(mask), source.camera)  # [H, W]
         except BadImageError as error:
             raise UserError(f"--mask {error}") from None
+        if (share := float(self._is_hidden.mean())) > _MOST_HIDDEN:
+            raise UserError(
+                f"--mask {mask}: hides {share:.1%} of the image: expected white pixels where depth counts"
+            )
 
     def changed(self, frame: Frame) -> Frame:
         """The frame, without depth where it is hidden."""

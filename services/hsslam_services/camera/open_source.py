@@ -8,6 +8,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 from hsslam_node.sources.source_row import find_row, imported, refuse_unread_options, source_name
+from hsslam_node.user_path import user_path
 from hsslam_proto.frame_codec import LARGEST_IMAGE_PX
 from hsslam_proto.message import LARGEST_SIDE_PX
 from hsslam_services.run.options import ServeOptions
@@ -49,6 +50,9 @@ def check_source_exists(options: ServeOptions) -> None:
         refuse_unread_options(row, options.source, options.source_options)
         if row.check is not None:
             imported(row.check)(source_name(options.source), options.source_options)
+        mask = options.source_options.mask
+        if mask and not user_path(mask).is_file():
+            raise UserError(f"--mask {mask}: no such file: expected an image of the camera's size")
     elif options.has_camera_process:
         source = open_any_source(options.source, replace(options.source_options, noise="none"))
         if source.frame_count == 0:

@@ -1,4 +1,4 @@
-"""Sources whose frames no message can hold are refused when they are opened."""
+"""What is refused when a source is opened, or before a live camera is waited for."""
 
 from pathlib import Path
 
@@ -10,7 +10,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.sources.options.camera import CameraOptions
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_proto.frame_codec import LARGEST_IMAGE_PX
-from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.camera.open_source import check_source_exists, open_any_source
+from hsslam_services.run.options import ServeOptions
 
 _CAMERA = CameraOptions(fx=900.0, fy=900.0, cx=450.0, cy=30.0, depth_scale=1000.0)
 
@@ -35,3 +36,10 @@ def test_images_that_are_too_large_are_named(width_px, height_px, tmp_path: Path
 def test_a_wide_image_that_fits_is_opened(tmp_path: Path):
     source = open_any_source(_record(tmp_path, 8192, 8), SourceOptions(camera=_CAMERA))
     assert source.camera.width_px == 8192
+
+
+@pytest.mark.parametrize("kind", ["missing", "folder"])
+def test_a_mask_of_a_live_camera_is_a_file(kind: str, tmp_path: Path):
+    mask = str(tmp_path if kind == "folder" else tmp_path / "gone.png")
+    with pytest.raises(UserError, match=f"--mask {mask}: no such file: expected an image"):
+        check_source_exists(ServeOptions("ros2:/camera", mask=mask))

@@ -78,6 +78,9 @@ def test_a_mask_that_does_not_fit_is_refused(tmp_path):
     for name, why in (("mask.txt", "not an image"), ("gone.png", "No such file")):
         with pytest.raises(UserError, match=f"--mask .*{name}: {why}"):
             _first(mask=str(tmp_path / name))
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((72, 96), np.uint8))
+    with pytest.raises(UserError, match=r"--mask .*black.png: hides 100.0% of the image: expected"):
+        _first(mask=str(tmp_path / "black.png"))
 
 
 def _recording(folder: Path, distortion: tuple[float, ...] = ()) -> Path:
