@@ -65,9 +65,8 @@ class Camera:
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            if not (
-                isinstance(value, int | float | np.number) and abs(value) <= _LARGEST_PX
-            ):  # also if it is nan
+            is_number = isinstance(value, int | float | np.number)
+            if not is_number or not abs(value) <= _LARGEST_PX:  # also if it is nan
                 raise UserError(f"camera.{name} = {value}: expected at most {_LARGEST_PX:g} pixels")
             object.__setattr__(self, name, float(value))
         for name in ("width_px", "height_px"):

@@ -37,5 +37,5 @@ class SkippedFrames:
     def report_more(self) -> None:
         """Report the frames of the last reason that are not reported yet."""
         if self._more:
-            self._report(f"{self._more} more frames skipped: {self._reason}")
+            self._report(f"{self._more} more skipped: {self._reason}")
         self._more, self._reported_s = 0, time.monotonic()

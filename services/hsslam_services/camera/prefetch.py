@@ -55,9 +55,8 @@ class Prefetch(Generic[T]):
             self._put(_END)
         except Exception as error:
             self._put(error)
-        except (
-            BaseException
-        ) as error:  # such as `sys.exit` in a plugin, which ends this thread alone
+        except BaseException as error:
+            # such as `sys.exit` in a plugin, which ends this thread alone
             self._put(RuntimeError(repr(error)))
 
     def _put(self, item: object) -> bool:

@@ -16,10 +16,10 @@ def test_one_reason_is_one_event_and_counts(monkeypatch: MonkeyPatch):
         now_s[0] += 1 / 30
         skipped.add(BadFrame(index, 0, "rgb8 of 160x120 pixels"))
     assert told[0] == "frame 0 skipped: rgb8 of 160x120 pixels"
-    assert len(told) == 2 and told[1] == "151 more frames skipped: rgb8 of 160x120 pixels"
+    assert len(told) == 2 and told[1] == "151 more skipped: rgb8 of 160x120 pixels"
     skipped.add(BadFrame(300, 0, "another"))
     assert told[2:] == [
-        "148 more frames skipped: rgb8 of 160x120 pixels",
+        "148 more skipped: rgb8 of 160x120 pixels",
         "frame 300 skipped: another",
     ]
     skipped.report_more()
