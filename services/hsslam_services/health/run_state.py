@@ -44,7 +44,7 @@ class RunState:
     pose: Pose | None = None
     map: MapVersion | None = None
     source_end: SourceEnd | None = None
-    last_keyframe: int = -1
+    last_keyframe: int = -1  # also of a saved map that the run goes on with
     tracked: int = 0
     lost: int = 0
     ba_rounds: int = 0

@@ -92,8 +92,11 @@ class RunLoop:
                     self._report(f"warm_up: {error}")
             if not self._should_end():  # else savers would wait for kernels that it compiles
                 self._guard.run("fork server", self._fork_client.start)
-            if self._info.options.map and (error := self._run_first(MAP_LOADER)):
-                raise UserError(error)
+            if self._info.options.map:
+                if error := self._run_first(MAP_LOADER):
+                    raise UserError(error)
+                loaded = read_result(self._info.path, MAP_LOADER.rpartition(".")[2]).summary
+                self._listener.state.last_keyframe = loaded.get("keyframes", 0) - 1
             if not self._should_end():
                 self._gateway.is_loading = False
                 for child in self._children.values():

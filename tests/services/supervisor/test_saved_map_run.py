@@ -31,6 +31,8 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
         *("--map", str(saved), "--localise-only", "--grid"),
         *("--base-T-camera", *map(str, _TILTED)),
     )
+    known = len(read_tum(first.out / "keyframes.txt"))
+    second.wait_until(lambda: (now := second.status()) and now.keyframes == known, 60)
     assert second.finish() == 0, second.stderr
     second.expect_nothing_left()
     assert saved.read_bytes() == before
