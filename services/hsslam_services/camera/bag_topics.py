@@ -124,11 +124,24 @@ def _is_whole(bag: BagFile, message: BagMessage) -> bool:
 
 
 def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
-    """The first image of each topic whose first message is an image."""
-    images = {}
+    """The first image of each topic whose first message is an image.
+
+    Raises:
+        UserError: none of several can be decoded.
+    """
+    images, errors = {}, []
     for name, message in firsts.items():
-        with contextlib.suppress(BadImageError):
+        if message.type_name == INFO:
+            continue
+        try:
             images[name] = bag.decode.image(message.payload, message.type_name)
+        except BadImageError as error:
+            errors.append(f"{name}: {error}")
+    if errors and not images:
+        raise UserError(
+            f"source {bag.name}: {errors[0]}: expected images; of a bag whose messages are compressed, name "
+            "the folder with metadata.yaml"
+        )
     return images
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -149,13 +149,17 @@ class BagWriter:
 
 
 @contextmanager
-def new_bag(path: Path, kind: str) -> Iterator[BagWriter]:
-    """A bag at `path`, which is a folder unless it is one of ROS 1."""
+def new_bag(
+    path: Path, kind: str, compressed: CompressionMode = CompressionMode.NONE
+) -> Iterator[BagWriter]:
+    """A bag at `path`, which is a folder unless it is one of ROS 1; `compressed`: what is, in ROS 2."""
     if kind == "bag":
         with Ros1Writer(path) as ros1:
             yield BagWriter(ros1, is_ros1=True)
     else:
-        with Ros2Writer(path, version=9, storage_plugin=_STORAGE[kind]) as ros2:
+        writer = Ros2Writer(path, version=9, storage_plugin=_STORAGE[kind])
+        writer.set_compression(compressed, CompressionFormat.ZSTD)
+        with writer as ros2:
             yield BagWriter(ros2, is_ros1=False)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rosbags.rosbag2 import CompressionMode
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -165,3 +166,14 @@ def test_compressed_images_of_another_size_are_bad_frames(kind: str, room, tmp_p
     bad = [item for item in opened(path).frames() if isinstance(item, BadFrame)]
     assert [item.index for item in bad] == [2, 4]
     assert bad[0].reason == "colour of 80x60 pixels: expected 160x120 as before"
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_compressed_messages_need_the_folder_that_says_so(kind: str, room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", kind, CompressionMode.MESSAGE) as bag:
+        for frame in room:
+            bag.frame(frame)
+    assert len(whole_frames(opened(tmp_path / "bag"))) == len(room)
+    (part,) = (tmp_path / "bag").glob(f"*.{kind}")
+    with pytest.raises(UserError, match=rf"{DEPTH}: .*name the folder with metadata.yaml"):
+        opened(part)
