@@ -20,6 +20,14 @@ def test_images_with_a_lens_are_refused(lens, model):
     assert replace(frame, camera=replace(frame.camera, distortion=(0.0,) * 4)).index == 3
 
 
+@pytest.mark.parametrize("index", [-1, (1 << 53) + 1, 1.5, np.float64(3), "0", None])
+def test_an_index_is_a_whole_number(index):
+    with pytest.raises(
+        UserError, match=rf"frame index {index}: expected a whole number, 0 to 2\^53"
+    ):
+        replace(room_frames()[3], index=index)
+
+
 @pytest.mark.parametrize("stamp_ns", [1 << 63, -1, 1.5, np.float64(33e6), "0", np.int64(-1), None])
 def test_stamps_begin_at_0_and_have_64_bits(stamp_ns):
     frame = room_frames()[3]

@@ -5,8 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.services.run.installed_package import install
 
 _PLUGIN = """
@@ -34,18 +32,11 @@ class Odd(SynthSource):
 """
 
 
-@pytest.mark.parametrize(
-    ("indices", "problem"),
-    [
-        ("-1,0,1", "frame index -1: expected a whole number, 0 to"),
-        ("0,1,1", "the frame after frame 1 has index 1: expected 2 or more"),
-    ],
-)
-def test_frames_whose_indices_do_not_grow(indices: str, problem: str, tmp_path: Path):
+def test_frames_whose_indices_do_not_grow(tmp_path: Path):
     site, out = tmp_path / "site", tmp_path / "run"
     install(site, "hsslam-odd", {"hsslam_odd": _PLUGIN}, {"odd": "hsslam_odd:ROW"})
     command = [sys.executable, "-m", "hsslam_services.commands.serve"]
-    options = ["--source", f"odd:{indices}", "--pace", "lockstep", "--out", str(out)]
+    options = ["--source", "odd:0,1,1", "--pace", "lockstep", "--out", str(out)]
     done = subprocess.run(
         [*command, *options],
         env=os.environ | {"PYTHONPATH": f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
@@ -53,6 +44,6 @@ def test_frames_whose_indices_do_not_grow(indices: str, problem: str, tmp_path: 
         text=True,
         timeout=200,
     )
-    assert problem in done.stderr
+    assert "the frame after frame 1 has index 1: expected 2 or more" in done.stderr
     assert "Traceback" not in done.stderr
-    assert done.returncode in (2, 3)  # 2 before the first frame
+    assert done.returncode == 3
