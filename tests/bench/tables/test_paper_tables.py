@@ -39,6 +39,7 @@ DOCUMENTED = {
             "rays": 2048,
             "iterations": 2,
             "every_keyframes": 1,
+            "pose_rate": 1e-3,
         },
         144,
         127,

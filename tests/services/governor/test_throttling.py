@@ -77,9 +77,9 @@ def test_the_kernel_throttles_a_process_that_uses_more_than_its_quota():
         "from hsslam_services.governor.throttling import Throttling\n"
         "throttling = Throttling()\n"
         "first = throttling.share(time.monotonic())\n"
-        "end = time.process_time() + 0.5\n"
+        "end = time.process_time() + 0.25\n"
         "while time.process_time() < end: pass\n"
         "print(first, throttling.share(time.monotonic() + 1.0))"
     )
-    first, busy = map(float, printed_under_quota(code, 0.2).split())
+    first, busy = map(float, printed_under_quota(code, 0.1).split())
     assert first == 0.0 and busy > 0.5
