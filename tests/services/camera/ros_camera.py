@@ -11,6 +11,8 @@ from pycdr2.types import array, float64, sequence, uint8, uint32
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.topics import Ros2Options
 from tests.services.ros2.ros_types import (
     Header,
     Odometry,
@@ -187,3 +189,8 @@ class RosCamera:
     def close(self) -> None:
         self.stop()
         self._session.close()
+
+
+def ros2_options(endpoint: str, frames: int | None = None, **fields) -> SourceOptions:
+    """The options of a source that finds this camera; `fields`: of `Ros2Options`."""
+    return SourceOptions(frames=frames, ros2=Ros2Options(connect=endpoint, **fields))

@@ -17,7 +17,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
-from hsslam_node.sources.source import BadFrame, Silence
+from hsslam_node.sources.source import BadFrame, NoFrame
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera import ros2_source
@@ -64,11 +64,11 @@ def test_a_driver_that_is_restarted_with_another_lens_before_there_are_keyframes
     finally:
         first.close()
         second.close()
-    counted = [item.index for item in taken if not isinstance(item, Silence)]
+    counted = [item.index for item in taken if not isinstance(item, NoFrame)]
     assert counted == list(range(20))  # `--frames`, and `--start` once
     good = [item for item in taken if isinstance(item, Frame)]
     assert good[0].camera.fx != 99.0 and good[-1].camera.fx == 99.0
-    lost = [item.reason for item in taken if isinstance(item, Silence)]
+    lost = [item.reason for item in taken if isinstance(item, NoFrame)]
     assert len(lost) == 3 and all(reason.startswith("no frame for 0.2 s: no") for reason in lost)
 
 

@@ -12,22 +12,14 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import so3_exp, transform
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_node.inertial.reading import motion_between
-from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.options.synth import SynthOptions
-from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.reports import Report, reports_of
-from hsslam_node.sources.source import BadFrame, Silence
+from hsslam_node.sources.source import BadFrame, NoFrame
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
-from hsslam_services.ros2.messages import RosMessages
-from hsslam_services.ros2.names import Qos
-from hsslam_services.ros2.node import RosNode
 from tests.services.camera.ros_camera import (
     FIRST_NS,
     CompressedImage,
@@ -35,33 +27,14 @@ from tests.services.camera.ros_camera import (
     camera_info,
     header,
     image,
-    imu,
     odometry,
+    ros2_options,
 )
-
-ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
-
-
-@pytest.fixture(scope="module")
-def room() -> list[Frame]:
-    frames = open_source("synth:room", replace(ROOM, frames=12)).frames()
-    return [frame for frame in frames if isinstance(frame, Frame)]
-
-
-@pytest.fixture
-def ros_camera(endpoint):
-    camera = RosCamera(endpoint)
-    yield camera
-    camera.close()
-
-
-def options(endpoint: str, frames: int | None = None, **fields) -> SourceOptions:
-    return SourceOptions(frames=frames, ros2=Ros2Options(connect=endpoint, **fields))
 
 
 def test_frames_are_those_that_were_published(endpoint, ros_camera, room):
     ros_camera.start(room, depth_lag_ns=4_000_000)
-    source = open_any_source("ros2:/camera", options(endpoint, 20))
+    source = open_any_source("ros2:/camera", ros2_options(endpoint, 20))
     assert (source.camera, source.depth_units_per_m) == (room[0].camera, 1000.0)
     frames = list(source.frames())
     assert [frame.index for frame in frames] == list(range(20))
@@ -79,7 +52,7 @@ def test_frames_are_those_that_were_published(endpoint, ros_camera, room):
 def test_the_lens_is_taken_out(endpoint, ros_camera, room):
     lens = replace(room[0].camera, distortion=(0.2, -0.1, 0.0, 0.0, 0.0))
     ros_camera.start(room, camera=lens)
-    source = open_any_source("ros2:/camera", options(endpoint, 1))
+    source = open_any_source("ros2:/camera", ros2_options(endpoint, 1))
     assert source.camera == room[0].camera
     (frame,) = source.frames()
     assert isinstance(frame, Frame)
@@ -89,16 +62,16 @@ def test_the_lens_is_taken_out(endpoint, ros_camera, room):
 def test_what_is_heard_is_said_where_nothing_fits(endpoint, ros_camera, room):
     ros_camera.start(room, depth_lag_ns=16_500_000)
     with pytest.raises(UserError) as error:
-        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.5, color="rgb/image"))
+        open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.5, color="rgb/image"))
     assert "no camera_info within 0.5 s on /camera/rgb/image, " in str(error.value)
     assert "heard: /camera/aligned_depth_to_color/image_raw (Image), " in str(error.value)
     assert "/camera/color/camera_info (CameraInfo)" in str(error.value)
     with pytest.raises(
         UserError, match=r"colour and depth are 16\.\d ms apart, --ros2\.max-dt-ms 15"
     ):
-        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.5))
+        open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.5))
     with pytest.raises(UserError, match="heard: nothing in domain 7"):
-        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.1, domain=7))
+        open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.1, domain=7))
 
 
 def test_depth_that_is_not_registered(endpoint, ros_camera, room):
@@ -116,7 +89,7 @@ def test_depth_that_is_not_registered(endpoint, ros_camera, room):
     thread.start()
     try:
         with pytest.raises(UserError, match="depth has 9x9 pixels: expected 160x120 as colour"):
-            open_any_source("ros2:/camera", options(endpoint))
+            open_any_source("ros2:/camera", ros2_options(endpoint))
     finally:
         ended.set()
         thread.join()
@@ -128,7 +101,7 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     monkeypatch.setattr(ros2_source, "_SILENCE_S", 0.3)
     ros_camera.start(room)
     ended = threading.Event()
-    source = open_any_source("ros2:/camera", options(endpoint), ended.is_set)
+    source = open_any_source("ros2:/camera", ros2_options(endpoint), ended.is_set)
     frames = source.frames()
     assert all(isinstance(frame, Frame) for frame in itertools.islice(frames, 3))
     ros_camera.put("/camera/color/image_raw", b"\0\1\0\0 no image")
@@ -136,7 +109,7 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     assert told.reason.startswith("/camera/color/image_raw: no sensor_msgs/msg/Image in CDR")
     ros_camera.stop()
     told = next(item for item in frames if isinstance(item, BadFrame))
-    assert isinstance(told, Silence)
+    assert isinstance(told, NoFrame)
     assert told.reason.startswith("no frame for 0.3 s: no images on /camera/color/image_raw and /")
     ended.set()
     assert list(itertools.islice(frames, 10)) == []
@@ -169,7 +142,7 @@ def _opened_of_jpegs(
     thread.start()
     try:
         name = "color/image_raw/compressed"
-        asked = options(endpoint, 30, color=name, odometry="/odom")
+        asked = ros2_options(endpoint, 30, color=name, odometry="/odom")
         source = open_any_source("ros2:/camera", asked)
         return list(source.frames()), reports_of(source).take()
     finally:
@@ -192,113 +165,6 @@ def test_a_first_image_that_is_broken_and_odometry_that_is_none_cost_no_frame(
 def test_images_that_are_all_broken_are_refused(endpoint, ros_camera, room):
     with pytest.raises(UserError, match=r"ros2:/camera: image in format 'jpeg': truncated at \d+"):
         _opened_of_jpegs(endpoint, ros_camera, room, lambda jpeg, k: jpeg[: len(jpeg) // 2])
-
-
-def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
-    """The base drives ahead at 0.3 m/s, its camera looks to the right from 20 cm before its centre."""
-    mount = (0.2, 0.0, 0.4, 0.0, -0.7071067811865476, 0.7071067811865476, 0.0)
-
-    def drive() -> None:
-        every_ns = 100_000_000
-        for k in range(-2, 400):  # 40 s from before the first frame on
-            way_m = 0.3e-9 * k * every_ns
-            message = odometry(FIRST_NS + k * every_ns, (way_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-            ros_camera.put("/wheels/odom", message, "Odometry")
-
-    asked = options(endpoint, 200, timeout_s=0.5, odometry="/wheels/odom")
-    ros_camera.start(room)
-    with pytest.raises(UserError, match=r"no odometry within 0\.5 s on /wheels/odom: expected nav"):
-        open_any_source("ros2:/camera", asked)
-    asked = replace(asked, base_T_camera=mount, ros2=replace(asked.ros2, timeout_s=10.0))
-    driving = threading.Timer(0.3, drive)
-    driving.start()
-    frames = open_any_source("ros2:/camera", asked).frames()
-    given = (f for f in frames if isinstance(f, Frame) and f.odometry is not None)
-    moved = list(itertools.islice(given, 5))
-    driving.join()
-    assert len(moved) == 5
-    for frame in moved:
-        assert frame.odometry is not None
-        seconds = 1e-9 * (frame.stamp_ns - FIRST_NS)
-        T_odom_cam = frame.odometry.T_odom_cam
-        np.testing.assert_allclose(T_odom_cam[:3, 3], [0.2 + 0.3 * seconds, 0.0, 0.4], atol=1e-6)
-        np.testing.assert_allclose(T_odom_cam[:3, 2], [0.0, -1.0, 0.0], atol=1e-6)
-
-
-def _put_imu(camera: RosCamera, ended: threading.Event, rates, forces, **more) -> None:
-    """100 samples a second: two seconds at once, then as they come."""
-    for k in range(-10, 4000):
-        camera.put("/camera/imu", imu(FIRST_NS + k * 10_000_000, rates, forces, **more), "Imu")
-        if k > 200 and ended.wait(0.01):
-            return
-
-
-def _expect_turned(first: Frame, last: Frame) -> None:
-    """About the camera's y at 0.2 rad/s."""
-    motion = motion_between(first.imu, last.imu)
-    assert motion is not None
-    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
-    turned = so3_exp(np.array([0.0, 0.2 * seconds, 0.0]))
-    np.testing.assert_allclose(motion.rotation, turned, atol=1e-6)
-    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
-
-
-def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
-    endpoint, ros_camera, room
-):
-    """The camera turns about its y at 0.2 rad/s; the IMU has its axes, and sends 100 samples a second."""
-    rates, forces = (0.0, 0.2, 0.0), (0.0, -9.81, 0.0)
-    ended = threading.Event()
-
-    def turn(of_rates: float) -> None:
-        _put_imu(ros_camera, ended, rates, forces, of_rates=of_rates)
-
-    ros_camera.start(room)
-    asked = options(endpoint, 200, timeout_s=1.0, imu="imu")
-    halves = threading.Timer(0.3, lambda: turn(-1.0))
-    halves.start()
-    with pytest.raises(
-        UserError, match=r"no imu .* /camera/imu; .*no angular velocity.*expected se"
-    ):
-        open_any_source("ros2:/camera", asked)
-    ended.set()
-    halves.join()
-    ended.clear()
-    turning = threading.Timer(0.3, lambda: turn(0.0))
-    turning.start()
-    try:
-        asked = replace(asked, ros2=replace(asked.ros2, timeout_s=10.0))
-        frames = open_any_source("ros2:/camera", asked).frames()
-        given = (f for f in frames if isinstance(f, Frame) and f.imu is not None)
-        first, *_, last = itertools.islice(given, 5)
-    finally:
-        ended.set()
-    _expect_turned(first, last)
-
-
-def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camera, room):
-    """A node keeps them for who comes late; the IMU stands on its head."""
-    ended = threading.Event()
-
-    def turn() -> None:
-        _put_imu(ros_camera, ended, (0.0, -0.2, 0.0), (0.0, 9.81, 0.0), frame="imu")
-
-    messages = RosMessages("kilted")
-    on_its_head = transform(np.array([0.0, 0.1, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))
-    with RosNode(endpoint, 0, "/robot", "state", messages) as node:
-        latched = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
-        at_optical = ("camera_link", "camera_color_optical_frame", np.eye(4))
-        latched.put(messages.transforms(1, [at_optical, ("camera_link", "imu", on_its_head)]))
-        ros_camera.start(room)
-        turning = threading.Timer(0.3, turn)
-        turning.start()
-        try:
-            source = open_any_source("ros2:/camera", options(endpoint, 200, imu="imu"))
-            given = (f for f in source.frames() if isinstance(f, Frame) and f.imu is not None)
-            first, *_, last = itertools.islice(given, 5)
-        finally:
-            ended.set()
-    _expect_turned(first, last)
 
 
 @pytest.mark.parametrize("has_router", [True, False])

@@ -3,31 +3,20 @@
 from dataclasses import replace
 from itertools import islice
 
-import pytest
-
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.open_source import open_any_source
 from tests.services.camera.room_bags import ROOM, whole_frames
-from tests.services.camera.ros_camera import RosCamera
+from tests.services.camera.ros_camera import ros2_options
 
 _MOST_FRAMES = 300
-
-
-@pytest.fixture
-def ros_camera(endpoint):
-    camera = RosCamera(endpoint)
-    yield camera
-    camera.close()
 
 
 def test_frames_are_bad_while_the_camera_zooms(endpoint, ros_camera):
     room = whole_frames(open_source("synth:room", ROOM))
     ros_camera.start(room)
-    source = open_any_source("ros2:/camera", SourceOptions(ros2=Ros2Options(connect=endpoint)))
+    source = open_any_source("ros2:/camera", ros2_options(endpoint))
     items = source.frames()
     for zoomed_px, kind in ((0.0, Frame), (50.0, BadFrame), (0.4, Frame)):
         ros_camera.info = replace(room[0].camera, fx=room[0].camera.fx + zoomed_px)
