@@ -19,8 +19,13 @@ class OutOfMemoryError(UserError):
 
 def one_line(error: Exception) -> str:
     """Type and text of another package's error, on one line for users, at most 300 characters of it."""
-    text = " ".join(str(error).split())[:_LONGEST_TEXT]
+    text = on_one_line(str(error))
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def on_one_line(text: str) -> str:
+    """A text that may be of another package, without line breaks; at most 300 characters of it."""
+    return " ".join(text.split())[:_LONGEST_TEXT]
 
 
 def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.5) -> str:

@@ -5,16 +5,16 @@ from dataclasses import replace
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame, Silence
+from hsslam_node.sources.source import BadFrame, NoFrame
 
 
 def selected_live(
     items: Iterable[Frame | BadFrame], options: SourceOptions
 ) -> Iterator[Frame | BadFrame]:
-    """Every `stride`-th after the first `start`, at most `frames`, numbered from 0; and each `Silence`."""
+    """Every `stride`-th after the first `start`, at most `frames`, numbered from 0; and each `NoFrame`."""
     used, number = 0, -1
     for item in items:
-        if isinstance(item, Silence):
+        if isinstance(item, NoFrame):
             yield item
             continue
         number += 1

@@ -4,10 +4,10 @@ second."""
 import time
 from collections.abc import Callable
 
+from hsslam_node.errors import on_one_line
 from hsslam_node.sources.source import BadFrame
 
 _AGAIN_S = 5.0
-_LONGEST_TEXT = 300
 
 
 class SkippedFrames:
@@ -24,7 +24,7 @@ class SkippedFrames:
 
     def add(self, frame: BadFrame) -> None:
         """Count this frame."""
-        reason = " ".join(frame.reason.split())[:_LONGEST_TEXT]
+        reason = on_one_line(frame.reason)
         if reason != self._reason:
             self.report_more()
             self._reason, self._reported_s = reason, time.monotonic()

@@ -70,7 +70,7 @@ class LateFrame(BadFrame):
 
 
 @dataclass(frozen=True)
-class Silence(BadFrame):
+class NoFrame(BadFrame):
     """A live camera has sent no frame for seconds: the run reports it; `--frames` does not count it."""
 
 

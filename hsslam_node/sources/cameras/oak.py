@@ -52,7 +52,7 @@ class OakSource:
         self.frame_count: int | None = options.frames
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` after each 5 s without."""
+        """Frames as they come; a `NoFrame` after each 5 s without one."""
         yield from self._watched.selected(self._options, self._stop)
 
     def _stop(self) -> None:

@@ -62,7 +62,7 @@ class OrbbecSource:
         self.frame_count: int | None = options.frames
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` after each 5 s without."""
+        """Frames as they come; a `NoFrame` after each 5 s without one."""
         yield from self._watched.selected(self._options, self._pipeline.stop)
 
     def _next(self) -> Frame | BadFrame | None:

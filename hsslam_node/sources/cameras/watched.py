@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame, Silence, SourceLostError
+from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
 
 _SILENCE_S = 5.0
 _MOST_SILENCES = 3  # in a row: then the camera is opened again
@@ -42,7 +42,7 @@ class WatchedCamera:
                 stop()
 
     def frames(self) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` after each 5 s without."""
+        """Frames as they come; a `NoFrame` after each 5 s without one."""
         heard_s, silences = time.monotonic(), 0
         while not self.should_stop():
             try:
@@ -55,7 +55,7 @@ class WatchedCamera:
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 text = f"nothing for {_SILENCE_S:g} s: check the {self.cable}"
-                yield Silence(0, time.time_ns(), text)
+                yield NoFrame(0, time.time_ns(), text)
                 self._expect_to_hear(silences)
 
     def first(self, within_s: float = 10.0) -> Frame:

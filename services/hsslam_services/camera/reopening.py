@@ -10,7 +10,7 @@ from hsslam_node.geometry.camera import camera_difference
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
-from hsslam_node.sources.source import BadFrame, Silence, Source, SourceLostError
+from hsslam_node.sources.source import BadFrame, NoFrame, Source, SourceLostError
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
@@ -73,7 +73,7 @@ def live_frames(
     while opened is not None:
         try:
             for item in with_reports(worker, opened, opened.frames()):
-                if isinstance(item, Silence):
+                if isinstance(item, NoFrame):
                     yield item
                     continue
                 if index == worker.options.frames:  # a plugin need not count them

@@ -15,7 +15,7 @@ from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
-from hsslam_node.sources.source import BadFrame, Silence, SourceLostError
+from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
 from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_client, open_router
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
@@ -82,7 +82,7 @@ class Ros2Source:
         self.depth_units_per_m = self._frames.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` for an unusable pair, a `Silence` after each 5 s without a pair.
+        """Frames as they come; a `BadFrame` for an unusable pair, a `NoFrame` after each 5 s without a pair.
 
         Raises:
             SourceLostError: no pair for 15 s.
@@ -108,7 +108,7 @@ class Ros2Source:
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 text = f"no frame for {_SILENCE_S:g} s: {self._heard_since_last_pair()}"
-                yield Silence(0, time.time_ns(), text)
+                yield NoFrame(0, time.time_ns(), text)
                 if silences == _MOST_SILENCES:
                     raise SourceLostError(
                         f"source {self.name}: no frame for {silences * _SILENCE_S:g} s"

@@ -6,7 +6,6 @@ Arena: reads keyframes, map_state
 """
 
 import contextlib
-import math
 import time
 from collections.abc import Generator
 from pathlib import Path
@@ -14,7 +13,7 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.skipped_frames import SkippedFrames
-from hsslam_node.sources.source import BadFrame, LateFrame, Silence, Source, frames_in_time
+from hsslam_node.sources.source import BadFrame, LateFrame, NoFrame, Source, frames_in_time
 from hsslam_proto import topics
 from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
@@ -68,7 +67,7 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
-    if is_live(options.source) and progress.next_index >= (options.frames or math.inf):
+    if is_live(options.source) and progress.next_index == options.frames:
         _end(worker, progress, LastFrame(worker))  # the previous camera process sent all `--frames`
         return
     after = progress.next_index if is_live(options.source) else 0
@@ -111,7 +110,7 @@ def _run(worker: Worker) -> None:
                 pace.begin_map_epoch()
             if worker.should_stop():
                 break
-            if isinstance(item, Silence):
+            if isinstance(item, NoFrame):
                 worker.event("warning", f"source {source.name}: {item.reason}")
                 continue
             if isinstance(item, LateFrame):

@@ -27,9 +27,7 @@ def _run(worker: Worker) -> None:
     store.world_frame.note_level(options.T_level_world)  # if the map has no level of its own
     if options.has_camera_process:
         _expect_camera(worker.run, store)
-    worker.add_to_summary(
-        {"keyframes": store.count}
-    )  # the supervisor's `status` counts on from there
+    worker.add_to_summary({"keyframes": store.count})  # `status` counts on from there
     doing = "localises in" if options.localise_only else "continues"
     worker.event("info", f"{doing} {path}: {store.count} keyframes")
 

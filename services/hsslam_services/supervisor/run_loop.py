@@ -21,6 +21,7 @@ from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import run_one_shot
 from hsslam_services.launch.process_table import MAP_LOADER, PROCESSES, WARM_UP, one_shot_timeout_s
+from hsslam_services.launch.spawn import process_name
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
@@ -95,7 +96,7 @@ class RunLoop:
             if self._info.options.map:
                 if error := self._run_first(MAP_LOADER):
                     raise UserError(error)
-                loaded = read_result(self._info.path, MAP_LOADER.rpartition(".")[2]).summary
+                loaded = read_result(self._info.path, process_name(MAP_LOADER)).summary
                 self._listener.state.last_keyframe = loaded.get("keyframes", 0) - 1
             if not self._should_end():
                 self._gateway.is_loading = False

@@ -2,7 +2,7 @@
 
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame, Silence
+from hsslam_node.sources.source import BadFrame, NoFrame
 
 
 def test_start_stride_and_limit():
@@ -25,6 +25,6 @@ def test_start_stride_and_limit():
 
 
 def test_silence_is_told_and_is_no_frame():
-    heard = [BadFrame(0, 0, ""), Silence(0, 1, "quiet"), BadFrame(0, 2, ""), BadFrame(0, 3, "")]
+    heard = [BadFrame(0, 0, ""), NoFrame(0, 1, "quiet"), BadFrame(0, 2, ""), BadFrame(0, 3, "")]
     chosen = selected_live(heard, SourceOptions(stride=2))
     assert [(item.index, item.stamp_ns) for item in chosen] == [(0, 0), (0, 1), (1, 3)]
