@@ -1,5 +1,6 @@
 """Camera trajectories and their text files."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, Overflow
@@ -14,6 +15,7 @@ from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 
 _TITLE = "# timestamp tx ty tz qx qy qz qw\n"
 _LINE = "%s" + 7 * " %.9f" + "\n"  # of the TUM format
+_W_FIRST = re.compile(r"\bq\w*w\b.*\bq\w*x\b")  # columns of a quaternion, as EuRoC has them
 _LINES = 256  # formatted at once: 2.5 x as fast as one by one
 
 
@@ -82,7 +84,8 @@ def read_tum(path: Path | str) -> Trajectory:
     """Reads a trajectory in TUM format; `#` starts a comment.
 
     Raises:
-        UserError: the file cannot be read or a line is not eight finite numbers.
+        UserError: the file cannot be read, a line is not eight finite numbers, or a comment names the columns
+            in another order, as in EuRoC's files.
     """
     try:
         text = Path(path).read_text()
@@ -90,7 +93,13 @@ def read_tum(path: Path | str) -> Trajectory:
         raise UserError(f"{path}: cannot be read: expected a trajectory in TUM format") from None
     stamps, poses = [], []
     for number, line in enumerate(text.splitlines(), 1):
-        words = line.partition("#")[0].replace(",", " ").split()
+        numbers, _, comment = line.partition("#")
+        if _W_FIRST.search(comment):
+            raise UserError(
+                f"{path}:{number}: {comment.strip()!r}: qw is before qx: expected "
+                "'timestamp tx ty tz qx qy qz qw'"
+            )
+        words = numbers.replace(",", " ").split()
         if not words:
             continue
         try:
@@ -104,6 +113,24 @@ def read_tum(path: Path | str) -> Trajectory:
             )
         poses.append(transform(values[:3], values[3:]))
     return Trajectory(np.array(stamps, np.int64), np.array(poses).reshape(-1, 4, 4))
+
+
+def read_estimate(path: Path | str) -> Trajectory:
+    """Reads the poses that another program wrote, in TUM format.
+
+    Raises:
+        UserError: as of `read_tum`; or a stamp has several poses, so that it is not known which one counts.
+    """
+    found = read_tum(path)
+    order = np.argsort(found.stamps_ns, kind="stable")
+    stamps_ns, poses = found.stamps_ns[order], found.T_world_cam[order]
+    differs = (poses[1:] != poses[:-1]).any(axis=(1, 2))
+    twice = np.flatnonzero((stamps_ns[1:] == stamps_ns[:-1]) & differs)
+    if len(twice):
+        raise UserError(
+            f"{path}: stamp {format_stamp(stamps_ns[twice[0]])} has several poses: expected one"
+        )
+    return found
 
 
 def parse_stamp_ns(text: str) -> int:

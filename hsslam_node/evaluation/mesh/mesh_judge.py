@@ -24,6 +24,7 @@ from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.triangles import problem_of_triangles
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -35,6 +36,7 @@ CULL_TOLERANCE_M = 0.03
 CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
 _Y_UP = (".glb", ".gltf")
+_NO_TRIANGLES = "holds no triangles"
 _READABLE = ".glb, .gltf, .obj, .off, .ply or .stl"  # kinds that need no further package
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; beyond, it is another surface
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
@@ -129,7 +131,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     """A triangle mesh from a file, as it is; one of glTF, which has y up, is turned back to y down.
 
     Raises:
-        UserError: not a file with triangles, or of a kind that cannot be read.
+        UserError: not a file with triangles, or of a kind that cannot be read; a face has a vertex that there is
+            not, or one at nan or infinity.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a mesh {_READABLE}")
@@ -138,8 +141,9 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     except Exception as error:  # trimesh's readers raise errors of many types
         problem = f"damaged mesh: {one_line(error)}"
         raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}") from None
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise UserError(f"{path}: holds no triangles: expected a mesh {_READABLE}")
+    is_mesh = isinstance(mesh, trimesh.Trimesh)
+    if problem := problem_of_triangles(mesh.vertices, mesh.faces) if is_mesh else _NO_TRIANGLES:
+        raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}")
     if path.suffix.lower() in _Y_UP:
         mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))
     return mesh

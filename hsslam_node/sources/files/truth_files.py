@@ -8,6 +8,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.geometry.triangles import problem_of_triangles
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,8 +27,10 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
     import trimesh  # takes its time, and only the evaluator needs it
 
     mesh = trimesh.load(path, process=False, force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise UserError(f"{path}: holds no triangles: expected a mesh")
+    is_mesh = isinstance(mesh, trimesh.Trimesh)
+    problem = problem_of_triangles(mesh.vertices, mesh.faces) if is_mesh else "holds no triangles"
+    if problem:
+        raise UserError(f"{path}: {problem}: expected a mesh")
     return mesh
 
 

@@ -20,13 +20,14 @@ from hsslam_bench.peers.outside_results import (
     results_in,
 )
 from hsslam_bench.peers.peer_run import find_peer
-from hsslam_bench.peers.score import Values, score
+from hsslam_bench.peers.score import score
 from hsslam_bench.peers.systems.catalogue import PEERS
 from hsslam_bench.peers.systems.peer import Peer
 from hsslam_bench.peers.table import PeerRow, peers_markdown, peers_table
 from hsslam_bench.results.report import machine
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.run_info import write_atomically
@@ -62,7 +63,7 @@ def peers_command(args: Sequence[str]) -> int:
         interrupted = True
     if not rows:
         console.print("nothing was measured: no table")
-        return int(interrupted)
+        return 1
     console.print(peers_table(rows))
     console.print(_NOTE, soft_wrap=True)
     console.print(f"results: {options.out}, {options.out.with_suffix('.md')}", soft_wrap=True)
@@ -78,15 +79,16 @@ def _measured(options: PeersOptions, console: Console) -> Iterator[PeerRow]:
         if sequence.source is None:
             console.print(f"skipped {sequence.name}: {sequence.place} is not on disk")
             continue
-        results = given
-        if options.results is not None:
-            results = [*given, *results_in(options.results, sequence.name)]
+        for result in given:
+            _trajectory(result, sequence)  # a bad file is refused before peers run for hours
+        found = options.results
+        results = [*given, *(results_in(found, sequence.name) if found is not None else ())]
         for peer in track(
             peers, sequence.name, console=console, transient=True, disable=not console.is_terminal
         ):
             yield _run(peer, sequence, options.out.with_suffix(""))
         for result in results:
-            yield PeerRow(sequence.name, result.name, _scored(result, sequence))
+            yield _scored(result, sequence)
 
 
 def _can_run(peer: Peer, console: Console) -> bool:
@@ -116,11 +118,22 @@ def _run(peer: Peer, sequence: PeerSequence, folder: Path) -> PeerRow:
     return PeerRow(sequence.name, peer.title, values)
 
 
-def _scored(result: OutsideResult, sequence: PeerSequence) -> Values:
+def _scored(result: OutsideResult, sequence: PeerSequence) -> PeerRow:
     assert sequence.source is not None
-    truth = open_ground_truth(sequence.source, sequence.options)
-    trajectory = read_trajectory(result.trajectory, truth)
-    return score(sequence.source, sequence.options, trajectory, result.mesh)
+    try:
+        trajectory = _trajectory(result, sequence)
+        name = str(result.trajectory)
+        values = score(sequence.source, sequence.options, trajectory, result.mesh, name)
+    except UserError as error:
+        return PeerRow(sequence.name, result.name, error=str(error))
+    return PeerRow(sequence.name, result.name, values)
+
+
+def _trajectory(result: OutsideResult, sequence: PeerSequence) -> Trajectory:
+    assert sequence.source is not None
+    return read_trajectory(
+        result.trajectory, open_ground_truth(sequence.source, sequence.options)
+    )
 
 
 def _row_text(row: PeerRow) -> str:

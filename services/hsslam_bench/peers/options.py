@@ -28,11 +28,11 @@ class PeersOptions:
     each frame, and a mesh (m) in the same world. --results takes a folder of such files: SEQUENCE/NAME.txt
     and SEQUENCE/NAME.ply.
 
-    Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
-    bad.
+    Exit codes: 0 if the table is measured, 1 if a run failed, nothing was measured or the command is
+    interrupted, 2 if the input is bad.
 
     Raises:
-        UserError: options that exclude each other.
+        UserError: options that exclude each other, a folder that is missing, or an --out that is no .json.
     """
 
     VALUES: ClassVar = {
@@ -79,6 +79,11 @@ class PeersOptions:
             raise UserError("--result: expected with --source, or with one sequence in --sequences")
         if not (self.run or self.result or self.results):
             raise UserError("nothing to score: expected --result or --results with --no-run")
+        for option, folder in (("--data", self.data), ("--results", self.results)):
+            if folder is not None and not folder.is_dir():
+                raise UserError(f"{option} {folder}: no such folder")
+        if self.out.suffix != ".json":
+            raise UserError(f"--out {self.out}: expected a file whose name ends in .json")
 
     @property
     def sources(self) -> "list[PeerSequence]":

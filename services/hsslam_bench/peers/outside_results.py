@@ -6,7 +6,7 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.trajectory.ate import at_true_stamps
-from hsslam_node.geometry.trajectory import Trajectory, read_tum
+from hsslam_node.geometry.trajectory import Trajectory, read_estimate
 from hsslam_node.sources.files.truth_files import read_matrices
 from hsslam_node.user_path import user_path
 
@@ -60,7 +60,7 @@ def read_trajectory(path: Path, truth: GroundTruth | None) -> Trajectory:
         UserError: the file is neither, or its number of lines differs from the number of frames.
     """
     if not _is_of_matrices(path):
-        found = read_tum(path)
+        found = read_estimate(path)
         return found if truth is None else at_true_stamps(found, truth.trajectory)
     poses = read_matrices(path)
     count = None if truth is None else len(truth.stamps_ns)

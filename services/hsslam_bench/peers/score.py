@@ -22,14 +22,20 @@ def score(
     options: SourceOptions,
     trajectory: Trajectory,
     mesh: Path | trimesh.Trimesh | None,
+    name: str = "",
 ) -> Values:
     """Frames scored and expected, ATE, RPE, consistency of frames, and the mesh by both protocols.
 
+    `name`: of a file that should have poses of the source; empty: it may have none.
+
     Raises:
-        UserError: the source or the mesh is not readable.
+        UserError: the source or the mesh is not readable, or no pose of the file belongs to a true one.
     """
     subject = Subject(source, options, {"final": trajectory}, mesh)
-    found = Evaluator(subject, Wanted(depth_views=0, rendering=False)).evaluate()
+    evaluator = Evaluator(subject, Wanted(depth_views=0, rendering=False))
+    if name:
+        evaluator.expect_pairs(name)
+    found = evaluator.evaluate()
     figures: dict[str, Any] = scores_as_json(found.figures)
     ate = figures.get("ate", {}).get("final", {})
     rpe = figures.get("rpe", {}).get("final", {}).get("frame", {})

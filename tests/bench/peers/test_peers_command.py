@@ -10,7 +10,7 @@ import pytest
 from hsslam_bench.peers.command import peers_command
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.geometry.trajectory import write_tum
+from hsslam_node.geometry.trajectory import Trajectory, write_tum
 
 
 def test_results_that_a_user_has_stand_in_one_table(tum_folder: Path, tmp_path: Path, capsys):
@@ -49,6 +49,35 @@ def test_a_folder_of_results_has_its_sequences_scored(tum_folder: Path, tmp_path
     assert "kitchen elastic: ATE 0.000 cm" in shown
 
 
+def test_the_table_does_not_replace_the_results(tmp_path: Path):
+    with pytest.raises(UserError, match=r"x\.md: expected a file whose name ends in \.json"):
+        peers_command(["--source", "synth:room", "--out", str(tmp_path / "x.md")])
+
+
+def test_a_result_of_another_time_base_has_failed(tum_folder: Path, tmp_path: Path, capsys):
+    truth = open_ground_truth(f"tum:{tum_folder}")
+    assert truth is not None
+    late = Trajectory(truth.stamps_ns + 86_400_000_000_000, truth.trajectory.T_world_cam)
+    write_tum(tmp_path / "late.txt", late)
+    given = ("--no-run", "--source", f"tum:{tum_folder}", "--result", f"a={tmp_path / 'late.txt'}")
+    assert peers_command([*given, "--out", str(tmp_path / "peers.json")]) == 1
+    assert "late.txt: none of its poses" in capsys.readouterr().out
+
+
+def test_a_bad_result_is_refused_before_a_peer_runs(tum_folder: Path, tmp_path: Path):
+    (tmp_path / "bad.txt").write_text("1 2 3\n")
+    given = ("--source", f"tum:{tum_folder}", "--result", f"a={tmp_path / 'bad.txt'}")
+    with pytest.raises(UserError, match=r"bad\.txt:1: "):
+        peers_command([*given, "--out", str(tmp_path / "peers.json")])
+    assert not (tmp_path / "peers").exists()
+
+
+def test_nothing_to_measure_is_no_success(tmp_path: Path, capsys):
+    given = ("--data", str(tmp_path), "--peers", "opencv-frames")
+    assert peers_command([*given, "--out", str(tmp_path / "peers.json")]) == 1
+    assert "nothing was measured" in capsys.readouterr().out
+
+
 @pytest.mark.e2e
 def test_a_peer_runs_in_a_process_of_its_own(tmp_path: Path):
     options = ("--source", "synth:room", "--frames", "8", "--peers", "opencv-frames")
@@ -80,6 +109,8 @@ def test_a_peer_that_fails_costs_its_row_alone(tmp_path: Path, capsys):
         (["--noise", "kinect"], "write house-kinect"),
         (["--source", "synth:room", "--results", "x"], "expected --result with --source"),
         (["--no-run", "--source", "synth:room", "--result", "a=/no.txt"], "no.txt: cannot be read"),
+        (["--data", "/no/data"], "--data /no/data: no such folder"),
+        (["--no-run", "--results", "/no/results"], "--results /no/results: no such folder"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], message: str, tmp_path: Path):

@@ -14,6 +14,7 @@ from hsslam_node.geometry.trajectory import (
     Trajectory,
     format_stamp,
     parse_stamp_ns,
+    read_estimate,
     read_tum,
     write_tum,
 )
@@ -60,3 +61,29 @@ def test_a_missing_file_is_named(tmp_path):
 def test_arrays_must_fit_together():
     with pytest.raises(ValueError, match="expected"):
         Trajectory(np.zeros(3, np.int64), np.zeros((2, 4, 4)))
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "#timestamp, p_x, p_y, p_z, q_w, q_x, q_y, q_z",
+        "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y []",
+        "# t tx ty tz qw qx qy qz",
+    ],
+)
+def test_columns_in_another_order_are_refused(tmp_path, title):
+    path = tmp_path / "t.txt"
+    path.write_text(f"{title}\n0,0,0,0,1,0,0,0\n")
+    with pytest.raises(UserError, match=r"t\.txt:1: '.*': qw is before qx: expected 'timestamp tx"):
+        read_tum(path)
+    path.write_text("# timestamp tx ty tz qx qy qz qw\n0,0,0,0,1,0,0,0\n")
+    assert len(read_tum(path)) == 1
+
+
+def test_a_stamp_of_an_estimate_has_one_pose(tmp_path):
+    path = tmp_path / "t.txt"
+    path.write_text("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n")
+    assert len(read_estimate(path)) == 3  # twice the same pose
+    path.write_text("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n2 0 0 1 0 0 0 1\n")
+    with pytest.raises(UserError, match=r"t\.txt: stamp 2\.000000000 has several poses"):
+        read_estimate(path)

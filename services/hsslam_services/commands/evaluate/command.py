@@ -14,7 +14,7 @@ from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.evaluation.trajectory.ate import at_true_stamps
-from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.geometry.trajectory import Trajectory, read_estimate, write_tum
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
@@ -102,7 +102,7 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
 
 def _given_poses(path: Path, source: RecordedSource) -> Trajectory:
     """The poses with the stamps of the source's frames, which scores of mesh and consistency need."""
-    found = read_tum(path)
+    found = read_estimate(path)
     if len(found) == 0:
         raise UserError(f"--trajectory {path}: no poses: expected poses in TUM format")
     truth = open_ground_truth(source.spec, source.options)

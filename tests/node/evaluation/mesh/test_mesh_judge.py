@@ -91,3 +91,29 @@ def test_what_is_no_mesh_is_named(tmp_path, name):
     path.unlink()
     with pytest.raises(UserError, match=f"^{path}: no such file: expected a mesh .glb, "):
         load_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("vertex", "face", "problem"),
+    [
+        ((np.nan, 0, 0), (0, 1, 2), r"vertex 1 is at \(nan, 0, 0\) m"),
+        ((1e30, 0, 0), (0, 1, 2), r"vertex 1 is at \(1e\+30, 0, 0\) m"),
+        ((1, 0, 0), (0, 1, 7), "a face has vertex 7, of 4 vertices"),
+        ((1, 0, 0), (0, 1, -1), "a face has vertex -1, of 4 vertices"),
+    ],
+)
+def test_a_mesh_that_cannot_be_judged_is_refused(tmp_path, vertex, face, problem):
+    lines = ["ply", "format ascii 1.0", "element vertex 4", "property double x"]
+    lines += ["property double y", "property double z", "element face 1"]
+    lines += ["property list uchar int vertex_indices", "end_header", "0 0 0"]
+    lines += [" ".join(map(str, vertex)), "0 1 0", "nan 5 5"]  # the last one is in no face
+    path = tmp_path / "mesh.ply"
+    path.write_text("\n".join([*lines, "3 " + " ".join(map(str, face)), ""]))
+    with pytest.raises(UserError, match=f"^{path}: {problem}: expected a mesh"):
+        load_mesh(path)
+
+
+def test_vertices_without_a_face_may_be_anything(tmp_path):
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9e30 0 0\nf 1 2 3\n")
+    assert len(load_mesh(path).faces) == 1
