@@ -3,8 +3,9 @@
 import errno
 import fcntl
 import os
+import time
 from collections.abc import Callable, Container, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -27,10 +28,12 @@ from hsslam_services.log.parts import part_number, parts
 from hsslam_services.log.recovery import recover
 from hsslam_services.log.whole_records import MAGIC, TORN
 from hsslam_services.run.find_run import running_runs
+from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
 
 Say = Callable[[str], None]
 _TOPICS = {topic.name: topic for topic in TOPICS}
+_STILL_S = 2.0  # an unfinished log that has changed since may be a copy in progress
 _RECORD_HEADER_BYTES = 9  # opcode, length
 _FORMER_KEY = b"\xa5world"  # msgpack of the string
 
@@ -180,11 +183,13 @@ def _is_named_as_log(path: Path) -> bool:
 
 
 def expect_closed(path: Path) -> None:
-    """Check that no run still writes the file, by the run's file lock. On a file system without locks, an
-    unfinished log counts as being written while the run of its folder lives.
+    """Check that nothing still writes the file: a run by its file lock, a copy in progress by a change.
+
+    On a file system without locks, an unfinished log counts as being written while the run of its folder
+    lives. Waits 2 s at most.
 
     Raises:
-        UserError: a run still writes the file.
+        UserError: a run or another program still writes the file.
         OSError: the file cannot be read.
     """
     with path.open("rb") as stream:
@@ -198,6 +203,34 @@ def expect_closed(path: Path) -> None:
             is_written = False
     if is_written:
         raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
+    if not is_finished(path) and not _is_where_it_was_recorded(path):
+        _expect_no_change(path)
+
+
+def _is_where_it_was_recorded(path: Path) -> bool:
+    """Whether the log is in its run's own folder: there only the recorder writes it, which locks it."""
+    with suppress(UserError, OSError):
+        return path.parent.samefile(RunInfo.read(path.parent).run_dir)
+    return False
+
+
+def _expect_no_change(path: Path) -> None:
+    """Check that the file stays as it is until its last change is `_STILL_S` old.
+
+    Raises:
+        UserError: it changes: it is being copied here.
+        OSError: the file cannot be read.
+    """
+    before = path.stat()
+    age_s = time.time() - before.st_mtime
+    if age_s > _STILL_S:
+        return
+    time.sleep(min(_STILL_S - age_s, _STILL_S))
+    after = path.stat()
+    if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+        raise UserError(
+            f"{path}: another program is writing it: expected a log that has been copied whole"
+        )
 
 
 def _run_lives(folder: Path) -> bool:

@@ -4,6 +4,7 @@ import errno
 import fcntl
 import os
 import re
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -94,6 +95,33 @@ def test_a_log_that_is_being_written_is_left_alone(tmp_path):
     assert log.path.read_bytes() == before
     log.close()
     assert log_parts(log.path, print) == [log.path]
+
+
+def test_a_log_that_is_being_copied_is_left_alone(tmp_path):
+    """The copy goes on while the log is opened; it has no lock."""
+    whole = _log(tmp_path, 40).read_bytes()
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(whole[: len(whole) // 2])
+    opened = threading.Event()
+
+    def go_on() -> None:
+        with copy.open("ab", buffering=0) as stream:
+            for k in range(len(whole) // 2, len(whole)):
+                stream.write(whole[k : k + 1])
+                if opened.wait(0.05):
+                    break
+            stream.write(whole[k + 1 :])
+
+    other = threading.Thread(target=go_on)
+    other.start()
+    try:
+        with pytest.raises(UserError, match=r"copy\.mcap: another program is writing it: expected"):
+            log_parts(copy, print)
+    finally:
+        opened.set()
+        other.join()
+    assert copy.read_bytes() == whole
+    assert log_parts(copy, print) == [copy]
 
 
 def test_without_locks_an_unfinished_log_is_left_alone_while_its_run_lives(
