@@ -15,6 +15,7 @@ from hsslam_batch.options import WorkOptions
 from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, folder_of, read_batch
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.stop_signals import hear_stop_signals
 
@@ -30,7 +31,7 @@ def work_command(args: Sequence[str]) -> int:
     options = parse_options(WorkOptions, "hsslam-batch work", args)
     try:
         return _work(options)
-    except UnavailableError as error:  # not bad input: another attempt may work
+    except UnavailableError as error:  # not bad input: another attempt or machine may work
         print(f"error: {error}", file=sys.stderr)
         return _FAILED
     except OtherPlanError as error:  # the log has not failed
@@ -46,6 +47,7 @@ def _work(options: WorkOptions) -> int:
     else:
         batch = read_batch(options.out)
     batch.expect_same_code()
+    _expect_kernel_cache()
     log = _planned(batch, options)
     if not is_remote:
         before = settled(batch, log.id)
@@ -70,6 +72,16 @@ def _work(options: WorkOptions) -> int:
         raise KeyboardInterrupt from None
     _report(options.json, outcome)
     return ENDS.get(outcome.kind, _FAILED)
+
+
+def _expect_kernel_cache() -> None:
+    """Raises:
+    UnavailableError: this machine has no folder for compiled kernels, without which no run starts.
+    """
+    try:
+        writable_kernel_cache()
+    except UserError as error:
+        raise UnavailableError(str(error)) from None
 
 
 def _planned(batch: Batch, options: WorkOptions) -> Log:

@@ -15,6 +15,7 @@ from hsslam_services.run.exit_code import MEANINGS, ExitCode
 from hsslam_services.run.summary import read_summary
 
 _STATUS_LINE = "frame "
+_NOT_SAVED = " not saved: "
 
 
 def judged(
@@ -62,10 +63,14 @@ def selected_frames(batch: Batch, source: str) -> int:
 
 
 def last_words(output: Path) -> str:
-    """The last line that a command printed, except status lines; after an error, the error."""
+    """The last line that a command printed, except status lines; after an error, the error.
+
+    If something is not saved, the last line that says why: what is kept in memory goes with the attempt.
+    """
     text = output.read_text(errors="replace")
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if not line.startswith(_STATUS_LINE)]
+    messages = [line for line in messages if _NOT_SAVED in line] or messages
     return messages[-1].removeprefix("error: ") if messages else "no message"
 
 

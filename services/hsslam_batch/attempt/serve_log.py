@@ -134,8 +134,12 @@ def _attempt(
     end = _watched(command, place, limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir)))
     kind, reason = judged(end, terms.limits, last_words(place.output))
     if kind == "done":
-        expected = selected_frames(batch, here.source)
-        kind, reason = judged_frames(summary_of(run_dir), expected)
+        try:
+            expected = selected_frames(batch, here.source)
+        except UserError as error:
+            kind, reason = "bad input", f"the log has changed during the run: {error}"
+        else:
+            kind, reason = judged_frames(summary_of(run_dir), expected)
     found = figures(summary_of(run_dir)) | {"nbytes": _nbytes(run_dir), "started_ns": started_ns}
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 

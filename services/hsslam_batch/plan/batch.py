@@ -137,12 +137,22 @@ class Batch:
 
     def expect_same_code(self) -> None:
         """Raises:
-        OtherPlanError: this code differs from the code of the plan.
+        OtherPlanError: this code, or the file with the options, differs from that of the plan.
         """
         if (digest := code_digest()) != self.about.digest:
             raise OtherPlanError(
                 f"{self.place}: was planned with {self.about.code} ({self.about.digest}), this is "
                 f"{code_name()} ({digest}): expected the same code, or a new plan"
+            )
+        try:
+            text = self.config.read_text(errors="surrogateescape")
+        except OSError as error:
+            raise OtherPlanError(
+                f"{self.config}: {error.strerror}: expected the options of the plan, or a new plan"
+            ) from None
+        if _digest(f"{digest}\n{text}") != self.about.configuration:
+            raise OtherPlanError(
+                f"{self.config}: has changed since hsslam-batch plan: expected a new plan for other options"
             )
 
 

@@ -11,8 +11,9 @@ from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.comparison import FIGURES, Change, Row, compare, newly_failed, worst
 from hsslam_batch.results.costs import cost_table, costs
-from hsslam_batch.results.runs_table import known_rows, read_runs, write_runs
+from hsslam_batch.results.runs_table import known_rows, renew_runs
 from hsslam_batch.results.tally import duration
+from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 
 _WORSE = 1
@@ -26,7 +27,7 @@ def report_command(args: Sequence[str]) -> int:
     """
     options = parse_options(ReportOptions, "hsslam-batch report", args)
     rows = _rows(options.out)
-    before = [] if options.against is None else _rows_before(options.against)
+    before = [] if options.against is None else _rows_before(options.against, rows)
     console = Console(emoji=False, highlight=False, markup=False)
     for line in _sums(rows):
         console.print(line, soft_wrap=True)
@@ -42,16 +43,26 @@ def report_command(args: Sequence[str]) -> int:
 
 
 def _rows(out: str) -> list[Row]:
+    """The rows of all logs that are or were done or failed; the table has them from now on."""
     batch = read_batch(out)
     with batch.expect_writable():
-        write_runs(batch, read_manifest(batch.out))
-    return list(read_runs(batch.out))
+        return renew_runs(batch, read_manifest(batch.out))
 
 
-def _rows_before(against: str) -> list[Row]:
-    """The rows of the earlier batch, which is not changed."""
+def _rows_before(against: str, rows: Sequence[Row]) -> list[Row]:
+    """The rows of the earlier batch, which is not changed.
+
+    Raises:
+        UserError: it has none of the logs, so that nothing can be compared.
+    """
     batch = read_batch(against)
-    return list(known_rows(batch, read_manifest(batch.out)))
+    before = list(known_rows(batch, read_manifest(batch.out)))
+    if {row["name"] for row in before}.isdisjoint(row["name"] for row in rows):
+        raise UserError(
+            f"--against {against}: has results of none of these logs ({len(before)} against {len(rows)} "
+            "rows): expected a batch with logs of the same names"
+        )
+    return before
 
 
 def _sums(rows: Sequence[Row]) -> list[str]:

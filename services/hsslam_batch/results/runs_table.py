@@ -17,6 +17,7 @@ from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
 
 RUNS = "runs.parquet"
+_REQUIRED = ("id", "name", "configuration", "kind")
 _ARTEFACTS = {  # column: file in the run folder
     "trajectory": "trajectory.txt",
     "keyframes_file": "keyframes.txt",
@@ -24,6 +25,10 @@ _ARTEFACTS = {  # column: file in the run folder
     "map": "map.safetensors",
     "log": "run.mcap",
 }
+
+
+class NoTableError(UserError):
+    """The table of a batch is missing, not readable or another table."""
 
 
 def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
@@ -37,6 +42,22 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
     write_rows(path, _rows(batch, logs), _columns())
     batch.publish(RUNS)
     return path
+
+
+def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
+    """Write the table with `known_rows`, and return them. A table that is not readable is replaced.
+
+    Raises:
+        OSError: the folder or the store is not writable.
+        UserError: the store is not readable.
+    """
+    try:
+        rows = known_rows(batch, logs)
+    except NoTableError:
+        rows = _rows(batch, logs)
+    write_rows(batch.out / RUNS, rows, _columns())
+    batch.publish(RUNS)
+    return rows
 
 
 def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
@@ -54,10 +75,11 @@ def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
 
 
 def is_current(batch: Batch) -> bool:
-    """Whether the table of a folder is newer than plan and results."""
+    """Whether the table of a folder is readable, and newer than plan and results."""
     try:
         written_ns = (batch.out / RUNS).stat().st_mtime_ns
-    except OSError:
+        read_runs(batch.out)
+    except (OSError, NoTableError):
         return False
     # a rename in these folders adds or removes results
     changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
@@ -65,20 +87,24 @@ def is_current(batch: Batch) -> bool:
 
 
 def read_runs(out: Path) -> list[dict[str, Any]]:
-    """The rows of the table in the folder of a batch.
+    """The rows of the table in the folder of a batch; None in columns that an earlier version did not write.
 
     Raises:
-        UserError: the table is missing or not readable.
+        NoTableError: the table is missing, not readable or another one.
     """
     return _read(out / RUNS, out / RUNS)
 
 
 def _read(source: Path | io.BytesIO, name: object) -> list[dict[str, Any]]:
     try:
-        return read_rows(source)
+        rows = read_rows(source)
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
-        raise UserError(f"{name}: {reason}: expected the table of a batch") from None
+        raise NoTableError(f"{name}: {reason}: expected the table of a batch") from None
+    for column in _REQUIRED:
+        if rows and column not in rows[0]:
+            raise NoTableError(f"{name}: has no column {column!r}: expected the table of a batch")
+    return [{**dict.fromkeys(_columns()), **row} for row in rows]
 
 
 def _written(batch: Batch) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 """`hsslam-batch work` makes the run that a user makes by hand, and says why a log has none."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -119,3 +120,21 @@ def test_a_batch_in_a_store_has_the_same_results(tmp_path: Path, monkeypatch: py
 def _files(batch: Batch, log_id: str) -> Iterator[Path]:
     """All files of the result of a log."""
     return (path for path in batch.run_dir(log_id).rglob("*") if path.is_file())
+
+
+def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(
+    batch: Batch, tmp_path: Path
+):
+    """Another machine may run it: the log has no row, and the exit code is not that of bad input."""
+    (tmp_path / "file").touch()
+    command = [sys.executable, "-m", "hsslam_batch", "work", batch.place, "--index", "1"]
+    done = subprocess.run(
+        command,
+        env=os.environ | {"XDG_CACHE_HOME": str(tmp_path / "file")},
+        capture_output=True,
+        text=True,
+        timeout=_LONG_S,
+    )
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.startswith("error: kernel cache ") and done.stderr.count("\n") == 1
+    assert settled(batch, read_manifest(batch.out)[1].id) is None

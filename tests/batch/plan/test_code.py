@@ -1,4 +1,4 @@
-"""Other code has another digest, without any commit, and the same code has the same wherever it lies."""
+"""Code and options of a plan: other ones are noticed, and the same code is the same wherever it lies."""
 
 import os
 import re
@@ -50,3 +50,15 @@ def test_results_of_other_code_of_the_same_version_do_not_count(tmp_path: Path):
     said = rf"was planned with {name} \({other.about.digest}\), this is {name} \({batch.about.digest}\): exp"
     with pytest.raises(OtherPlanError, match=said):
         other.expect_same_code()
+
+
+def test_options_that_were_edited_after_the_plan_are_not_those_of_its_hash(tmp_path: Path):
+    batch = planned(tmp_path / "out", seed=3)
+    batch.expect_same_code()
+    text = batch.config.read_text()
+    batch.config.write_text(text.replace("seed = 3", "seed = 4"))
+    with pytest.raises(OtherPlanError, match=r"config\.toml: has changed since hsslam-batch plan"):
+        batch.expect_same_code()
+    batch.config.unlink()
+    with pytest.raises(OtherPlanError, match=r"config\.toml: No such file"):
+        batch.expect_same_code()

@@ -10,6 +10,7 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.results.comparison import FIGURES, compare
 from hsslam_batch.results.costs import costs
 from hsslam_batch.results.report import report_command
+from hsslam_batch.results.runs_table import read_runs
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
 
@@ -49,8 +50,8 @@ def test_a_batch_that_has_not_run_and_one_that_is_not_there(
     new, old = planned(tmp_path / "new", frames=(100,)), planned(tmp_path / "old", frames=(100,))
     assert report_command([str(new.out)]) == 0
     assert capsys.readouterr().out == "0 logs: none has run\n"
-    assert report_command([str(new.out), "--against", str(old.out)]) == 0
-    assert capsys.readouterr().out == "0 logs: none has run\n"
+    with pytest.raises(UserError, match=r"results of none of these logs \(0 against 0 rows\)"):
+        report_command([str(new.out), "--against", str(old.out)])
     with pytest.raises(UserError, match=r"nowhere.*expected a folder"):
         report_command([str(new.out), "--against", str(tmp_path / "nowhere")])
     assert capsys.readouterr().out == ""
@@ -137,6 +138,27 @@ def test_the_earlier_batch_is_only_read(tmp_path: Path, capsys: pytest.CaptureFi
     shutil.rmtree(before.run_dir("id1"))  # its figures are in the table
     assert report_command(command) == 1 and table.read_bytes() == written
     assert capsys.readouterr().out.count("log1 2 -> 5") == 2
+
+
+def test_a_report_keeps_the_rows_of_results_that_were_removed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    batch = _batch(tmp_path / "a", (0.01, 0.02))
+    assert report_command([str(batch.out)]) == 0
+    shutil.rmtree(batch.out / "runs")
+    for _ in range(2):
+        assert report_command([str(batch.out)]) == 0
+        assert [row["name"] for row in read_runs(batch.out)] == ["log0", "log1"]
+    (batch.out / "runs.parquet").write_bytes(b"damaged")
+    assert report_command([str(batch.out)]) == 0
+    assert read_runs(batch.out) == []
+
+
+def test_batches_of_other_logs_are_not_compared(tmp_path: Path):
+    mine, other = _batch(tmp_path / "a", (0.01,)), _batch(tmp_path / "b", (0.01, 0.02))
+    shutil.rmtree(other.run_dir("id0"))
+    with pytest.raises(UserError, match=r"--against .*b: has results of none of these logs"):
+        report_command([str(mine.out), "--against", str(other.out)])
 
 
 def test_a_figure_that_is_gone_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -7,7 +7,8 @@ import pytest
 
 from hsslam_batch.attempt.commit import commit, settle_failed
 from hsslam_batch.plan.log import read_manifest
-from hsslam_batch.results.runs_table import read_runs, write_runs
+from hsslam_batch.plan.parquet_rows import write_rows
+from hsslam_batch.results.runs_table import is_current, read_runs, write_runs
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
 
@@ -33,3 +34,22 @@ def test_a_table_without_rows_has_its_columns(tmp_path: Path):
     shutil.rmtree(batch.out)
     with pytest.raises(UserError, match=r"runs.parquet: .*: expected the table of a batch"):
         read_runs(batch.out)
+
+
+def test_a_table_of_something_else_is_refused_and_one_of_an_earlier_version_is_read(tmp_path: Path):
+    table = tmp_path / "runs.parquet"
+    write_rows(table, [{"x": 1}], {"x": int})
+    with pytest.raises(UserError, match=r"has no column 'id': expected the table of a batch"):
+        read_runs(tmp_path)
+    row = {"id": "id0", "name": "log0", "configuration": "c", "kind": "done"}
+    write_rows(table, [row], dict.fromkeys(row, str))
+    (found,) = read_runs(tmp_path)
+    assert found["name"] == "log0" and found["ate_m"] is None
+
+
+def test_a_damaged_table_is_not_current(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    table = write_runs(batch, read_manifest(batch.out))
+    assert is_current(batch)
+    table.write_bytes(table.read_bytes()[:-8])
+    assert not is_current(batch)

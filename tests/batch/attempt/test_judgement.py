@@ -1,0 +1,28 @@
+"""The reason in the row of a log that failed."""
+
+from pathlib import Path
+
+from hsslam_batch.attempt.judgement import judged, last_words
+from hsslam_batch.attempt.watched_process import End, Limits
+
+_NO_ROOM = "map not saved: /fleet/out/map.safetensors: No space left on device"
+
+
+def test_what_is_not_saved_is_told_without_the_memory_that_the_batch_frees(tmp_path: Path):
+    output = tmp_path / "output.txt"
+    output.write_text(
+        f"frame 3/6  tracked\n{_NO_ROOM}\nsummary: 6 frames\n"
+        "map not saved, kept in memory: hsslam-serve rescue /dev/shm/hsslam-0-1\nframe 6/6  tracked\n"
+    )
+    assert last_words(output) == _NO_ROOM
+    end = End(code=4, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
+    kind, reason = judged(end, Limits(), last_words(output))
+    assert kind == "crash" and reason.endswith(_NO_ROOM)
+
+
+def test_the_last_line_is_the_reason_without_status_lines(tmp_path: Path):
+    output = tmp_path / "output.txt"
+    output.write_text("starting\nerror: bag: no topic\nframe 0/6\n\n")
+    assert last_words(output) == "bag: no topic"
+    output.write_text("frame 0/6\n")
+    assert last_words(output) == "no message"
