@@ -53,19 +53,19 @@ class Peers:
                 self._take(health)
         return found
 
-    def frames_received(self, name: str) -> int:
-        """Number of frames received by this process, by its newest heartbeat."""
-        return self._frames.get(name, (0, 0.0))[0]
+    def frames_received(self, name: str) -> int | None:
+        """Number of frames received by this process, by its newest heartbeat; None if it takes none."""
+        return self._frames[name][0] if name in self._frames else None
 
-    def has_missed(self, name: str, before: int, sent_s: float) -> bool:
+    def has_missed(self, name: str, before: int | None, sent_s: float) -> bool:
         """Whether this process counts only `before` frames more than 2 s after `sent_s` (monotonic)."""
         count, heard_s = self._frames.get(name, (0, 0.0))
-        return count <= before and heard_s - sent_s > _ON_ITS_WAY_S
+        return count <= (before or 0) and heard_s - sent_s > _ON_ITS_WAY_S
 
     def _take(self, health: Health) -> None:
         self._pids[health.process] = health.pid
-        counts = health.topics.get(topics.FRAME.name)
-        self._frames[health.process] = counts.received if counts else 0, time.monotonic()
+        if counts := health.topics.get(topics.FRAME.name):
+            self._frames[health.process] = counts.received, time.monotonic()
 
 
 class AtWork:

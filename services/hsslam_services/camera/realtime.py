@@ -1,6 +1,7 @@
 """Sends the frames of a recording on the sensor's clock, unaffected by changes of the wall clock."""
 
 import time
+from collections.abc import Mapping
 
 from hsslam_node.frame import Frame
 from hsslam_proto import topics
@@ -17,6 +18,7 @@ _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
 _LATE = 0.5  # periods after its time
 _REPEATED_NS = 1_000_000  # after the stamp before: no camera is as fast, so it is the same stamp
+_LOGGED_WITHIN_S = 5.0  # after the first frame is tracked: the clock stands still until the log has it
 NEEDED = ("tracker", "mapper")
 OTHERS = ("recorder",)  # logs from the first frame if it starts in time
 
@@ -62,7 +64,7 @@ class Realtime:
 
     def send(self, frame: Frame) -> None:
         """Publish at the frame's time. Before the first map, publish one frame at a time, wait for its pose,
-        and send it again if the tracker does not get it."""
+        and send it again if tracker or recorder do not get it: a log begins with the frame that is the world."""
         if not self._progress.pinned_ns:
             self._send_until_answered(frame)
             return
@@ -101,24 +103,37 @@ class Realtime:
         publisher = self._progress.publisher
         stamp_ns = time.time_ns()
         message = frame_message(self._sensors.given(frame, stamp_ns), stamp_ns, publisher)
-        before = self._peers.frames_received("tracker")
+        self._peers.restarted()  # takes in the newest heartbeats
+        before = {name: self._peers.frames_received(name) for name in ("tracker", *OTHERS)}
         self._frames.put(message)
         sent_s = time.monotonic()
+        answered_s: float | None = None
         while not self._worker.should_stop():
             has_map = self._maps.wait(_POLL_S) is not None
             name = publisher, frame.index
             status = {p.status for p in self._poses.drain() if (p.publisher, p.index) == name}
-            if has_map or "tracked" in status:  # a saved map needs no first step
+            if "lost" in status:
+                return  # no map can start here, or another place: try the next frame
+            if answered_s is None and (has_map or "tracked" in status):
+                answered_s = time.monotonic()  # a saved map needs no first step
+            has_restarted = self._peers.restarted()
+            if answered_s is not None and not self._is_waited_for(before, answered_s):
                 self._progress.pinned_source_ns = frame.stamp_ns
                 self._progress.pinned_ns = time.monotonic_ns()
                 return
-            if "lost" in status:
-                return  # no map can start here, or another place: try the next frame
-            has_restarted = self._peers.restarted()
-            if has_restarted or self._peers.has_missed("tracker", before, sent_s):
+            awaited = ("tracker",) if answered_s is None else OTHERS
+            has_missed = any(self._peers.has_missed(p, before[p], sent_s) for p in awaited)
+            if has_restarted or has_missed:
                 self._worker.count("resent")
                 self._frames.put(message)
                 sent_s = time.monotonic()
+
+    def _is_waited_for(self, before: Mapping[str, int | None], answered_s: float) -> bool:
+        """Whether a process that logs from the first frame lacks it; for 5 s at most after the answer."""
+        if time.monotonic() - answered_s > _LOGGED_WITHIN_S:
+            return False
+        counts = [(before[name], self._peers.frames_received(name)) for name in OTHERS]
+        return any(old is not None and new is not None and new <= old for old, new in counts)
 
     def _due_ns(self, frame: Frame) -> int:
         """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""
