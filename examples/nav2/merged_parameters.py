@@ -12,7 +12,10 @@ import yaml
 
 def main(path: str) -> None:
     ours = yaml.safe_load(Path(__file__).with_name("navigation.yaml").read_text())
-    theirs = yaml.safe_load(Path(path).read_text())
+    try:
+        theirs = yaml.safe_load(Path(path).read_text())
+    except (OSError, yaml.YAMLError) as error:
+        sys.exit(f"{path}: {' '.join(str(error).split())}: expected the parameters of Nav2")
     print(yaml.safe_dump(merged(theirs, ours), sort_keys=False), end="")
 
 

@@ -77,7 +77,7 @@ class DistanceBlocks:
 
     def _chosen(self, mask: np.ndarray) -> Blocks:
         """Those of a mask [Z, Y, X]; copies."""
-        places = np.argwhere(mask)
+        places = np.ascontiguousarray(np.argwhere(mask))  # of one layout, however many there are
         chosen = np.empty((len(places), SIDE, SIDE, SIDE), np.int16)
         take_blocks(self._values, places, chosen)
         return Blocks((places + self._first)[:, ::-1].astype(np.int32), chosen)

@@ -59,6 +59,9 @@ class Wanted:
     seed: int = 0  # of samples and virtual views
 
 
+_UNSEEN = "no camera sees any of it: expected metres, in the world of the trajectory"
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """The figures, and the data of the plots."""
@@ -102,6 +105,8 @@ class Evaluator:
         judge = self._judge if meshes else None
         if judge is not None and "ours" in meshes:
             figures |= self._mesh_figures(judge, meshes["ours"])
+            if not figures["mesh"].samples:
+                figures["left_out"] = {"mesh": _UNSEEN}
         for options in self._wanted.tsdfs:
             scores = {} if judge is None else self._mesh_figures(judge, meshes[options.name])
             figures.setdefault("tsdf", {})[options.name] = {"options": options, **scores}

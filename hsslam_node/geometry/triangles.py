@@ -2,6 +2,7 @@
 
 import numpy as np
 
+NO_TRIANGLES = "holds no triangles"
 _LARGEST = 1e8  # m, of a coordinate
 
 
@@ -11,12 +12,12 @@ def problem_of_triangles(vertices: np.ndarray, faces: np.ndarray) -> str:
     Vertices that no face uses may be anything.
     """
     if len(faces) == 0:
-        return "holds no triangles"
+        return NO_TRIANGLES
     least, most = int(faces.min()), int(faces.max())
     if least < 0 or most >= len(vertices):
         wrong = least if least < 0 else most
         return f"a face has vertex {wrong}, of {len(vertices)} vertices"
-    is_bad = ~(np.abs(vertices) <= _LARGEST).all(axis=1)  # nan too
+    is_bad: np.ndarray = ~np.all(np.abs(vertices) <= _LARGEST, axis=1)  # nan too
     used = faces[is_bad[faces].any(axis=1)]
     if len(used) == 0:
         return ""

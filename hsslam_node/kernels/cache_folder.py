@@ -66,6 +66,18 @@ def run_stamp() -> Path:
     return kernel_cache_folder() / "run"
 
 
+def grid_stamp() -> Path:
+    """File that exists if the cache has the kernels for distances, which `--grid` uses."""
+    return kernel_cache_folder() / "grid"
+
+
+def has_run_kernels(has_grid: bool) -> bool:
+    """Whether the cache has all kernels of a run that is about to start."""
+    if warm_stamp().exists():
+        return True
+    return run_stamp().exists() and (not has_grid or grid_stamp().exists())
+
+
 def cache_root() -> Path:
     """Folder for files that are kept between runs and can be made again.
 

@@ -29,6 +29,7 @@ from hsslam_bench.tables.paper_tables import TABLES
 from hsslam_node.environment import BENCH_DATA
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.serve_command_line import parse_command_line
 
 _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
 
@@ -61,11 +62,12 @@ def _unknown(word: str) -> UserError:
 
 
 def _parsed(args: Sequence[str]) -> tuple[BenchOptions, list[str]]:
-    """The options, and the arguments after `--`."""
+    """The options, and the arguments of hsslam-serve after `--`."""
     own, extra = list(args), []
     if "--" in own:
         at = own.index("--")
         own, extra = own[:at], own[at + 1 :]
+        parse_command_line(extra)  # an option that is wrong would cost each row
     return parse_options(BenchOptions, "hsslam-bench", own), extra
 
 

@@ -63,6 +63,8 @@ class BenchOptions:
             raise UserError("--docs: expected with --from, and --from with --docs")
         if self.out is not None and self.out.suffix != ".json":  # the name without it is a folder
             raise UserError(f"--out {self.out}: expected a name that ends in .json")
+        if self.data is not None and not self.data.is_dir():
+            raise UserError(f"--data {self.data}: no such folder")
 
 
 @dataclass(frozen=True)

@@ -95,12 +95,12 @@ def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
     words = ("--out", "result.json", "--quick", "--only", "realtime:room:tracked")
     worker = (sys.executable, "-c", "open(0).read()", str(tmp_path / "result/realtime-room"))
     with subprocess.Popen(worker, stdin=subprocess.PIPE) as left:
-        result = _run(*words, "--", "--seed", "-1", cwd=tmp_path)
+        result = _run(*words, "--", "--map", "/no/map.safetensors", cwd=tmp_path)
     assert result.returncode == 1
     stored = read_report(tmp_path / "result.json")
     (row,), (run,) = stored.rows, stored.runs
     assert row.verdict == "NOT MET"
-    assert row.measured.endswith("error: --seed -1: expected 0 or more")
+    assert "error: --map /no/map.safetensors: " in row.measured
     assert run["left_behind"] == [f"process {left.pid}"]
 
 
@@ -110,6 +110,13 @@ def test_unknown_row_is_one_line(tmp_path: Path):
     assert result.stderr.strip().startswith("error: --only ate:hose")
     assert "ate:house" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_wrong_options_of_the_runs_are_refused_before_a_row_is_measured(tmp_path: Path):
+    result = run_main(main, "--out", str(tmp_path / "result.json"), "--", "--seed", "-1")
+    assert result.returncode == 2
+    assert result.stderr == "error: --seed -1: expected 0 or more\n"
+    assert not (tmp_path / "result.json").exists()
 
 
 def test_subcommands_are_listed_and_suggested():

@@ -12,9 +12,9 @@ EXAMPLE = ROOT / "examples/wire_client.py"
 def test_it_needs_only_zenoh_and_msgpack():
     lines = EXAMPLE.read_text().splitlines()
     imported = {line.split()[1] for line in lines if line.startswith(("import ", "from "))}
-    assert imported == {"json", "sys", "msgpack", "zenoh"}
+    assert imported == {"json", "sys", "time", "msgpack", "zenoh"}
     start = next(k for k, line in enumerate(lines) if line.startswith("import"))
-    assert len([line for line in lines[start:] if line]) <= 27
+    assert len([line for line in lines[start:] if line]) <= 33
 
 
 def test_no_service_is_one_line():
@@ -32,3 +32,12 @@ def test_no_run_of_the_robot_is_one_line():
     router.close()
     assert done.returncode == 1
     assert done.stderr == f"no run of robot 'other' at {endpoint}\n"
+
+
+def test_wrong_arguments_are_one_line():
+    for words in (["tcp/127.0.0.1:1", "robot", "many"], ["a", "b", "3", "c"]):
+        done = subprocess.run([sys.executable, EXAMPLE, *words], capture_output=True, text=True)
+        assert done.returncode == 1
+        assert done.stderr.endswith(
+            "expected ENDPOINT ROBOT POSES, as tcp/127.0.0.1:7447 robot 100\n"
+        )

@@ -24,7 +24,7 @@ from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.triangles import problem_of_triangles
+from hsslam_node.geometry.triangles import NO_TRIANGLES, problem_of_triangles
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -36,7 +36,6 @@ CULL_TOLERANCE_M = 0.03
 CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
 _Y_UP = (".glb", ".gltf")
-_NO_TRIANGLES = "holds no triangles"
 _READABLE = ".glb, .gltf, .obj, .off, .ply or .stl"  # kinds that need no further package
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; beyond, it is another surface
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
@@ -131,8 +130,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     """A triangle mesh from a file, as it is; one of glTF, which has y up, is turned back to y down.
 
     Raises:
-        UserError: not a file with triangles, or of a kind that cannot be read; a face has a vertex that there is
-            not, or one at nan or infinity.
+        UserError: not a file with triangles, or of a kind that cannot be read; a vertex of a face is missing
+            or not finite.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a mesh {_READABLE}")
@@ -141,8 +140,9 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     except Exception as error:  # trimesh's readers raise errors of many types
         problem = f"damaged mesh: {one_line(error)}"
         raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}") from None
-    is_mesh = isinstance(mesh, trimesh.Trimesh)
-    if problem := problem_of_triangles(mesh.vertices, mesh.faces) if is_mesh else _NO_TRIANGLES:
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise UserError(f"{path}: {NO_TRIANGLES}: expected a mesh {_READABLE}")
+    if problem := problem_of_triangles(mesh.vertices, mesh.faces):
         raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}")
     if path.suffix.lower() in _Y_UP:
         mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))

@@ -50,7 +50,8 @@ def _work(options: WorkOptions) -> int:
     _expect_kernel_cache()
     log = _planned(batch, options)
     if not is_remote:
-        before = settled(batch, log.id)
+        with batch.expect_writable():
+            before = settled(batch, log.id)
     if before is not None and before.is_done:
         _report(options.json, before)
         return 0

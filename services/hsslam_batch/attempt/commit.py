@@ -76,12 +76,12 @@ def settled(batch: Batch, log_id: str) -> Outcome | None:
     """The row of a log under the current configuration; None if it has none.
 
     Raises:
-        OSError: the store of the batch fails.
+        OSError: the store of the batch fails, or a row is there but cannot be read.
     """
     if batch.store is not None:
         return store_results.settled(batch, batch.store, [log_id]).get(log_id)
     for path in (batch.done_file(log_id), batch.failed_file(log_id)):
-        with contextlib.suppress(OSError, msgspec.MsgspecError):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, msgspec.MsgspecError):
             outcome = msgspec.json.decode(path.read_bytes(), type=Outcome)
             if outcome.configuration == batch.about.configuration:
                 return outcome

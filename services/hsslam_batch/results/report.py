@@ -46,7 +46,7 @@ def _rows(out: str) -> list[Row]:
     """The rows of all logs that are or were done or failed; the table has them from now on."""
     batch = read_batch(out)
     with batch.expect_writable():
-        return renew_runs(batch, read_manifest(batch.out))
+        return list(renew_runs(batch, read_manifest(batch.out)))
 
 
 def _rows_before(against: str, rows: Sequence[Row]) -> list[Row]:
@@ -56,7 +56,7 @@ def _rows_before(against: str, rows: Sequence[Row]) -> list[Row]:
         UserError: it has none of the logs, so that nothing can be compared.
     """
     batch = read_batch(against)
-    before = list(known_rows(batch, read_manifest(batch.out)))
+    before: list[Row] = list(known_rows(batch, read_manifest(batch.out)))
     if {row["name"] for row in before}.isdisjoint(row["name"] for row in rows):
         raise UserError(
             f"--against {against}: has results of none of these logs ({len(before)} against {len(rows)} "

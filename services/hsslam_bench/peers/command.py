@@ -131,9 +131,7 @@ def _scored(result: OutsideResult, sequence: PeerSequence) -> PeerRow:
 
 def _trajectory(result: OutsideResult, sequence: PeerSequence) -> Trajectory:
     assert sequence.source is not None
-    return read_trajectory(
-        result.trajectory, open_ground_truth(sequence.source, sequence.options)
-    )
+    return read_trajectory(result.trajectory, open_ground_truth(sequence.source, sequence.options))
 
 
 def _row_text(row: PeerRow) -> str:

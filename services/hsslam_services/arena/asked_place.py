@@ -20,6 +20,7 @@ from hsslam_services.arena.shared_map import SharedMap
 
 _MOST_FRAMES = 10  # in which the tracker looks for the camera
 _LONGEST_S = 10.0
+_OTHERS_S = 3.0  # for the client before; both answers come before a client gives up
 
 
 class AskedPlace:
@@ -69,7 +70,10 @@ class AskedPlace:
         store = self._link.store()
         if store is None or store.count == 0:
             return Refusal(reason="not_now", text="locate: there is no map yet: expected keyframes")
-        with self._asking:
+        if not self._asking.acquire(timeout=_OTHERS_S):
+            text = "locate: another client is being answered: expected one at a time"
+            return Refusal(reason="busy", text=text)
+        try:
             frames, up_by = self._floor(store)
             at = FloorPose(question.x, question.y, float(np.deg2rad(question.yaw_deg)))
             known = store.poses_of(store.kept())
@@ -77,6 +81,8 @@ class AskedPlace:
             if len(near.keyframes(store)) == 0:
                 return Refusal(reason="failed", text=_far_from_all(at, frames, known))
             return self._looked_for(near, at, frames, up_by)
+        finally:
+            self._asking.release()
 
     def close(self) -> None:
         """No more frames come; a waiting `answer` returns."""

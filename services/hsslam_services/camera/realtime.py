@@ -18,7 +18,9 @@ _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
 _LATE = 0.5  # periods after its time
 _REPEATED_NS = 1_000_000  # after the stamp before: no camera is as fast, so it is the same stamp
-_LOGGED_WITHIN_S = 5.0  # after the first frame is tracked: the clock stands still until the log has it
+_LOGGED_WITHIN_S = (
+    5.0  # after the first frame is tracked: the clock stands still until the log has it
+)
 NEEDED = ("tracker", "mapper")
 OTHERS = ("recorder",)  # logs from the first frame if it starts in time
 
@@ -64,7 +66,7 @@ class Realtime:
 
     def send(self, frame: Frame) -> None:
         """Publish at the frame's time. Before the first map, publish one frame at a time, wait for its pose,
-        and send it again if tracker or recorder do not get it: a log begins with the frame that is the world."""
+        and send it again if tracker or recorder do not get it: the world of a log is its first frame."""
         if not self._progress.pinned_ns:
             self._send_until_answered(frame)
             return

@@ -44,6 +44,7 @@ from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
 
 _PROG = "hsslam-ctl"
+_OF_ARENA = "unixsock"  # an endpoint in the arena, which a run removes at its end
 _DEFAULT_ROBOT = "robot"
 _LONGEST_S = 120.0  # in which an unfinished request is sent again
 
@@ -152,6 +153,8 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
         return options.connect, options.robot or _DEFAULT_ROBOT
     if options.run is not None:
         run = RunInfo.read(options.run)
+        if run.endpoint.startswith(_OF_ARENA) and not Path(run.arena_dir).exists():
+            raise NoServiceError(f"no service: the run of {options.run} has ended")
         return run.endpoint, options.robot or run.robot
     runs = {
         place: run

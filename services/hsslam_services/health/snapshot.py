@@ -51,7 +51,7 @@ def take_snapshot(
         certificate_days=certificate_days,
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
         taken_s=time.monotonic(),
-        silent_s=state.silence.seconds(time.monotonic()),
+        silent_s=0.0 if status.state == "stopping" else state.silence.seconds(time.monotonic()),
     )
 
 

@@ -9,15 +9,19 @@ import sys
 import time
 from collections.abc import Callable
 from multiprocessing import get_context
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.kernels.cache_folder import (
+    grid_stamp,
+    has_run_kernels,
     run_stamp,
     unwritable_cache,
     warm_stamp,
     writable_kernel_cache,
 )
 from hsslam_services.launch.parent_death import die_with_parent
+from hsslam_services.run.run_info import RunInfo
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,46 +35,68 @@ _WIDTH_PX, _HEIGHT_PX = 160, 120
 Report = Callable[[str], None]  # called with the name of each part before it is compiled
 
 
-def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
+def warm_up(report: Report) -> bool:
     """Run all code that has kernels on a few tiny frames; the kernels serve all presets and image sizes.
 
     Returns False at once if the cache has all kernels.
-
-    Args:
-        is_for_run: compile only the kernels for poses, map and mesh. Distances, queries and the evaluation
-            then compile theirs at first use.
 
     Raises:
         UserError: the cache folder is not writable.
     """
     folder = writable_kernel_cache()
-    run, complete = run_stamp(), warm_stamp()  # read first: an upgrade changes them
-    if complete.exists() or (is_for_run and run.exists()):
+    run, grid, complete = (
+        run_stamp(),
+        grid_stamp(),
+        warm_stamp(),
+    )  # read first: an upgrade changes them
+    if complete.exists():
         return False
     try:
         made = _compile_for_run(report)
         run.touch()
-        if not is_for_run:
-            _compile_the_rest(made, report)
-            complete.touch()
+        _compile_the_rest(made, report)
+        grid.touch()
+        complete.touch()
     except OSError as error:
         raise unwritable_cache(folder, error) from None
     return True
 
 
+def warm_up_for_run(report: Report, has_grid: bool) -> None:
+    """Compile the kernels for poses, map and mesh that the cache lacks, and those of `--grid` if it is on.
+
+    Queries and the evaluation compile theirs at first use.
+
+    Raises:
+        UserError: the cache folder is not writable.
+    """
+    folder = writable_kernel_cache()
+    run, grid = run_stamp(), grid_stamp()
+    try:
+        if not has_run_kernels(has_grid=False):
+            _compile_for_run(report)
+            run.touch()
+        if not has_run_kernels(has_grid):
+            _compile_distances(report)
+            grid.touch()
+    except OSError as error:
+        raise unwritable_cache(folder, error) from None
+
+
 def main() -> None:
     """Warm up for benchmarks and the supervisor; prints a line for each part."""
     parser = argparse.ArgumentParser()
-    parser.add_argument(
-        "--run", help="run folder: compile only the kernels for poses, map and mesh"
-    )
-    is_for_run = parser.parse_args().run is not None
+    parser.add_argument("--run", type=Path, help="run folder: compile only the kernels of this run")
+    run_dir = parser.parse_args().run
     start = time.monotonic()
 
     def report(part: str) -> None:
         print(f"{time.monotonic() - start:5.1f} s  {part}", flush=True)
 
-    warm_up(report, is_for_run=is_for_run)
+    if run_dir is None:
+        warm_up(report)
+    else:
+        warm_up_for_run(report, RunInfo.read(run_dir).options.grid)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,33 +220,20 @@ def _track_and_mesh(report: Report) -> _TinyRun:
     return _TinyRun(config, store, parameters, mesh)
 
 
+def _compile_distances(report: Report) -> None:
+    """Compile the kernels of `--grid`."""
+    report("distances")
+    from hsslam_node.distance.warm_distances import warm_distances
+
+    warm_distances()
+
+
 def _compile_the_rest(made: _TinyRun, report: Report) -> None:
     """Compile the kernels for distances, queries and the evaluation."""
-    report("distances")
+    _compile_distances(report)
+    report("queries")
     import numpy as np
 
-    from hsslam_node.distance.distance_blocks import DistanceBlocks
-    from hsslam_node.distance.distance_meter import DistanceMeter
-    from hsslam_node.distance.floor_plane import FloorPlane
-    from hsslam_node.distance.grid_map import grid_map
-    from hsslam_node.distance.whole_map import whole_map
-
-    camera, depth_m, T_world_cam = (
-        made.store.camera,
-        made.store.frame(0).depth_m(),
-        made.store.pose(0),
-    )
-    depth_at_center_m = float(np.median(depth_m))
-    wall = [(np.full_like(depth_m, depth_at_center_m), T_world_cam)]
-    floor = FloorPlane((0.0, -1.0, 0.0), -1.0, "camera poses")
-    space = whole_map(wall, camera, floor, 0.1)
-    distances = DistanceMeter().measure(space)
-    distances.query(np.zeros((1, 3)))
-    DistanceBlocks().renew(distances)
-    grid_map(space, space.grid.low[2], space.grid.high[2]).distances_m()
-    space.move_to(np.full(3, 100.0))
-
-    report("queries")
     from hsslam_node.dense_map.dense_map import DenseMap
     from hsslam_node.dense_map.keyframes import keyframes_of_store
 
@@ -230,6 +243,8 @@ def _compile_the_rest(made: _TinyRun, report: Report) -> None:
     asked.query(np.zeros((1, 3)))
 
     report("evaluation")
+    camera, depth_m = made.store.camera, made.store.frame(0).depth_m()
+    T_world_cam = made.store.pose(0)
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
     from hsslam_node.evaluation.mesh.virtual_views import virtual_views
     from hsslam_node.evaluation.mesh.visibility import Views

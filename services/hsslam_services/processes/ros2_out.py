@@ -102,6 +102,7 @@ class Ros2Out:
         self.names = FrameNames.of(worker.options.ros2_frame_prefix)
         self._robot = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
+        self._has_other_rate = worker.options.rate_hz is not None
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._max_depth_m = worker.options.slam.mapper.max_depth_m
         self._images: WaitingFrames | None = None
@@ -180,12 +181,16 @@ class Ros2Out:
         self._worker.count("poses")
 
     def _twist(self, pose: Pose, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
-        """Velocity [6] since the previous pose, in axes of the base, and the time since then by the source's
-        clock, s; 0 if the motion is unknown, as for the first pose."""
+        """Velocity [6] since the previous pose, in axes of the base, and the time since then, s; 0 if the
+        motion is unknown, as for the first pose. The time is by the sensor's clock, with --rate-hz by the
+        stamps of ROS."""
         before, self._last = self._last, (pose, T_odom_base)
         if before is None or pose.odometry_stands:
             return np.zeros(6), 0.0
-        seconds = 1e-9 * (pose.source_stamp_ns - before[0].source_stamp_ns)
+        if self._has_other_rate:
+            seconds = 1e-9 * (self._stamp_ns(pose) - self._stamp_ns(before[0]))
+        else:
+            seconds = 1e-9 * (pose.source_stamp_ns - before[0].source_stamp_ns)
         if seconds <= 0:
             return np.zeros(6), 0.0
         return velocity(before[1], T_odom_base, seconds), seconds

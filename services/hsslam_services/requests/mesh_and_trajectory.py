@@ -45,7 +45,8 @@ class NewestMesh:
             live.add(message)
         whole = live.whole() if live.map_epoch >= self._map_epoch else None
         if whole is None:
-            asked.refuse("not_now", "mesh: there is no mesh yet: expected keyframes first")
+            text = "mesh: there is no live mesh: expected keyframes, and a run that goes on"
+            asked.refuse("not_now", text)
             return
         asked.answer_here(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
 

@@ -120,7 +120,7 @@ class ServeOptions:
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S
-    """Start a new map if the camera is lost for this long, s; it joins the old map later (0: never)."""
+    """Start a new map after this long without a pose, 1 s or more; it joins the old map later (0: never)."""
     seed: int = 0
     """Seed of all random numbers."""
     noise: Literal["none", "kinect"] = "none"

@@ -12,7 +12,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_services.run.options import ServeOptions
 
-_FILE = "run.json"
+RUN_FILE = "run.json"
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class RunInfo:
             config_text,
         )
 
-        write_durably(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
+        write_durably(self.path / RUN_FILE, msgspec.json.format(msgspec.json.encode(self)))
         write_durably(self.path / CONFIG_FILE, config_text(self.options).encode())
 
     def restore(self) -> None:
@@ -67,12 +67,12 @@ class RunInfo:
             OSError: the folder cannot be written.
         """
         self.path.mkdir(parents=True, exist_ok=True)
-        if not (self.path / _FILE).exists():
+        if not (self.path / RUN_FILE).exists():
             self.write()
 
     def write_into_arena(self) -> None:
         """Write a copy into the arena: a rescue and `hsslam-ctl` then work without the run folder."""
-        write_atomically(Path(self.arena_dir) / _FILE, msgspec.json.encode(self))
+        write_atomically(Path(self.arena_dir) / RUN_FILE, msgspec.json.encode(self))
 
     @staticmethod
     def read(run_dir: Path) -> "RunInfo":
@@ -81,7 +81,7 @@ class RunInfo:
         Raises:
             UserError: there is no run.json, or one of another version.
         """
-        path = run_dir / _FILE
+        path = run_dir / RUN_FILE
         try:
             return msgspec.json.decode(path.read_bytes(), type=RunInfo)
         except OSError as error:

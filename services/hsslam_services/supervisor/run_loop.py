@@ -8,7 +8,7 @@ from typing import Any
 
 from hsslam_node.device.torch_build import cuda_torch_without_cuda
 from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import run_stamp
+from hsslam_node.kernels.cache_folder import has_run_kernels
 from hsslam_proto import topics
 from hsslam_proto.run_messages import Event, Stop
 from hsslam_services.arena.arena_folder import pose_count
@@ -87,7 +87,7 @@ class RunLoop:
                 self._status.say(text, level)
             if spare_cuda := cuda_torch_without_cuda():
                 self._status.say(spare_cuda)
-            if not run_stamp().exists():
+            if not has_run_kernels(self._info.options.grid):
                 self._status.say("compiling kernels for this machine: once, about a minute")
                 if error := self._run_first(WARM_UP):
                     self._report(f"warm_up: {error}")

@@ -10,7 +10,7 @@ import subprocess
 from collections.abc import Mapping
 
 from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import run_stamp
+from hsslam_node.kernels.cache_folder import has_run_kernels
 from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
@@ -55,7 +55,7 @@ class Supervisor:
         watchdog: subprocess.Popen | None = None
         is_in_order = False
         try:
-            if run_stamp().exists():
+            if has_run_kernels(info.options.grid):
                 fork_client.start()
             watchdog = start_watchdog(info.path, arena.path)
             with Bus(info.endpoint, info.robot, "supervisor") as bus:

@@ -2,8 +2,16 @@
 
 from pathlib import Path
 
-from hsslam_batch.attempt.commit import commit, settle_failed, settle_recordings, settled
-from hsslam_batch.plan.batch import Batch
+import pytest
+
+from hsslam_batch.attempt.commit import (
+    all_settled,
+    commit,
+    settle_failed,
+    settle_recordings,
+    settled,
+)
+from hsslam_batch.plan.batch import Batch, UnavailableError
 from hsslam_batch.plan.log import read_manifest
 from tests.batch.outcomes import outcome, planned, run_folder
 
@@ -80,3 +88,13 @@ def _second_run_folder(batch: Batch) -> Path:
     """The run folder of a second attempt at log 0."""
     (batch.work / "id0.1").rename(batch.work / "away")
     return run_folder(batch, 0, "second")
+
+
+def test_a_row_that_cannot_be_read_is_not_a_log_that_is_left(tmp_path: Path):
+    batch = planned(tmp_path / "out", frames=(100,))
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    row = batch.done_file("id0")
+    row.unlink()
+    row.mkdir()  # reading it is an error, as of a broken file system
+    with pytest.raises(UnavailableError, match="out: Is a directory"):
+        all_settled(batch, read_manifest(batch.out))

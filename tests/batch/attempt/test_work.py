@@ -122,9 +122,7 @@ def _files(batch: Batch, log_id: str) -> Iterator[Path]:
     return (path for path in batch.run_dir(log_id).rglob("*") if path.is_file())
 
 
-def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(
-    batch: Batch, tmp_path: Path
-):
+def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(batch: Batch, tmp_path: Path):
     """Another machine may run it: the log has no row, and the exit code is not that of bad input."""
     (tmp_path / "file").touch()
     command = [sys.executable, "-m", "hsslam_batch", "work", batch.place, "--index", "1"]

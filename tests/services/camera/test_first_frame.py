@@ -53,14 +53,12 @@ class _Others:
 
     def _beat(self, name: str, received: int | None) -> None:
         counts = {} if received is None else {"in/frame": TopicCounts(received=received)}
-        self._health.put(
-            Health(process=name, pid=1, state="running", rss_bytes=1, topics=counts)
-        )
+        self._health.put(Health(process=name, pid=1, state="running", rss_bytes=1, topics=counts))
 
 
 @pytest.fixture
 def sent() -> Iterator[Any]:
-    """Sends the first frame to a tracker and a recorder that is deaf to so many frames: how often, seconds."""
+    """Sends the first frame to a tracker, and a recorder that is deaf to some frames: how often, seconds."""
     endpoint = free_endpoint()
     router = open_router(endpoint)
     with Bus(endpoint, "r", "camera") as bus, Bus(endpoint, "r", "other") as other:

@@ -203,7 +203,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert "is set back" not in run.stderr
     assert summary["processes"]["recorder"]["restarts"] == 0
     _expect_two_trajectories(run, summary)
-    assert _ctl("status", *me).stderr.startswith("no service: ")
+    assert _ctl("status", *me).stderr == f"no service: the run of {run.out} has ended\n"
 
 
 def _expect_to_be_located(me: tuple[str, ...]) -> None:

@@ -17,6 +17,7 @@ from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
 from hsslam_services.log.poses import logged_epochs
 from hsslam_services.log.reader import Say
+from hsslam_services.run.run_info import RUN_FILE
 
 _COLUMNS = (
     *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
@@ -42,11 +43,11 @@ def export(
 ) -> Iterator[str]:
     """Write the parts `only` of the log into the folder; yields a line for each file written.
 
-    `say` gets a line for each part that the log lacks. If the folder already has frames, or a folder
-    run.rrd, this writes nothing.
+    `say` gets a line for each part that the log lacks. If the folder is a run's, already has frames, or a
+    folder run.rrd, this writes nothing.
 
     Raises:
-        UserError: the folder cannot be written, or already has frames or a folder run.rrd.
+        UserError: the folder cannot be written, is a run's, or already has frames or a folder run.rrd.
     """
     _expect_room(folder, only)
     try:
@@ -71,6 +72,8 @@ def export(
 
 
 def _expect_room(folder: Path, only: Collection[Part]) -> None:
+    if (folder / RUN_FILE).exists():
+        raise UserError(f"{folder}: is a run folder, whose results stay: expected another folder")
     for frames in (folder / "frames", *folder.glob("frames-[0-9]*")):
         if "frames" in only and (frames / "rgb.txt").exists():
             raise UserError(f"{frames}: already holds frames: expected a new folder")

@@ -161,7 +161,9 @@ def _unknown(prog: str, arg: str, table: Sequence[Option]) -> str:
     name = arg.partition("=")[0]
     known = [option.flag for option in table if not option.is_positional]
     if not name.startswith("-"):
-        example = next(option for option in table if not option.is_positional and option.value)
+        valued = (option for option in table if not option.is_positional and option.value)
+        if (example := next(valued, None)) is None:
+            return f"{arg}: one argument too many; see {prog} --help"
         return f"{arg}: expected an option, as {example.flag} {example.value}; see {prog} --help"
     same_leaf = [flag for flag in known if flag.endswith("." + name.lstrip("-"))]
     hint = did_you_mean(name, same_leaf or known, cutoff=0.0 if same_leaf else 0.5)

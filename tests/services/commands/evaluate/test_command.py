@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import trimesh
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
@@ -87,6 +88,18 @@ def test_a_mesh_that_too_few_poses_align_is_not_scored(result, tmp_path, capsys)
     assert captured.err == f"mesh: not scored: {text}\n" and "2/60" in captured.out
     figures = json.loads((tmp_path / "score.json").read_text())
     assert figures["left_out"] == {"mesh": text} and "mesh" not in figures
+
+
+def test_a_mesh_that_no_camera_sees_is_told(result, tmp_path, capsys):
+    """As one in mm."""
+    mesh = trimesh.load(result / "mesh.ply", process=False, force="mesh")
+    mesh.vertices = 1000 * mesh.vertices
+    mesh.export(tmp_path / "mm.ply")
+    files = ("--trajectory", str(result / "trajectory.txt"), "--mesh", str(tmp_path / "mm.ply"))
+    few = ("--no-consistency", "--depth-views", "0", "--cull-views", "0")
+    main([*files, *_SOURCE, *few])
+    text = "no camera sees any of it: expected metres, in the world of the trajectory"
+    assert capsys.readouterr().err == f"mesh: not scored: {text}\n"
 
 
 def test_a_trajectory_of_other_frames_is_bad_input(result, tmp_path, capsys):
