@@ -9,6 +9,7 @@ from typing import Any
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_batch.plan.batch import Batch
+from hsslam_node.errors import on_one_line
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
@@ -71,7 +72,7 @@ def last_words(output: Path) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     messages = [line for line in lines if not line.startswith(_STATUS_LINE)]
     messages = [line for line in messages if _NOT_SAVED in line] or messages
-    return messages[-1].removeprefix("error: ") if messages else "no message"
+    return on_one_line(messages[-1].removeprefix("error: ")) if messages else "no message"
 
 
 def summary_of(run_dir: Path) -> dict[str, Any]:

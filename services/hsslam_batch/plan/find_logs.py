@@ -11,6 +11,7 @@ from hsslam_batch.plan.log import Log, log_id
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.source_row import SourceRow
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.parts import is_part, parts
@@ -50,7 +51,7 @@ def find_logs(listing: Listing) -> list[Log]:
             )
         )
     if not found:
-        kinds = ", ".join(row.kind for row in ALL_SOURCES if not row.only_examples)
+        kinds = ", ".join(row.kind for row in _recorded_sources())
         raise UserError(f"{listing.root}: no logs below: expected files or folders of {kinds}")
     return found
 
@@ -87,11 +88,14 @@ def _logs_below(listing: Listing, path: str) -> Iterator[tuple[str, str]]:
         yield from _logs_below(listing, f"{path}/{name}" if path else name)
 
 
+def _recorded_sources() -> Iterator[SourceRow]:
+    return (row for row in ALL_SOURCES if not row.is_live and not row.only_examples)
+
+
 def _kind(listing: Listing, path: str) -> str:
     """The kind of source of a file or folder; empty if it is no source."""
     place = cast(Any, ListedPath(listing, path))  # has what `looks_like` uses of a Path
-    rows = (row for row in ALL_SOURCES if not row.is_live and not row.only_examples)
-    kind = next((row.kind for row in rows if row.looks_like(place)), "")
+    kind = next((row.kind for row in _recorded_sources() if row.looks_like(place)), "")
     return kind if kind != _LOG or log_files(listing, path, kind) else ""
 
 
