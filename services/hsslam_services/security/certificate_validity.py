@@ -31,15 +31,14 @@ class CertificateValidity:
         if self.ends - now > _WARNED_BEFORE:
             return ""
         days = self.days_left(now)
-        when = "has ended" if days < 0 else "ends"
-        left = "" if days < 0 else f", in {days:.0f} days"
-        return (
-            f"{of} {when} on {self.ends.date()}{left}: hsslam-certs DIR --ca FOLDER makes new ones"
-        )
+        when = "has ended" if days <= 0 else "ends"
+        left = f", in {days:.0f} days" if days >= 1 else f", in {24 * days:.1f} hours"
+        on = f"on {self.ends:%Y-%m-%d %H:%M} UTC{left if days > 0 else ''}"
+        return f"{of} {when} {on}: hsslam-certs DIR --ca FOLDER makes new ones"
 
 
 class CertificateWarnings:
-    """Repeats the warning of a certificate once a day."""
+    """Repeats the warning of a certificate once a day, and when it ends."""
 
     def __init__(self, validity: CertificateValidity | None) -> None:
         self._validity = validity
@@ -52,6 +51,8 @@ class CertificateWarnings:
         text = self._validity.warning(now)
         if text:
             self._due = now + _REPEATED_AFTER
+            if now < self._validity.ends < self._due:
+                self._due = self._validity.ends
         return text
 
     def days_left(self, now: datetime.datetime) -> float | None:

@@ -26,12 +26,16 @@ def test_it_warns_in_the_last_14_days_and_not_before(days):
     assert bool(validity.warning(_NOW)) == (validity.ends - _NOW <= 14 * _DAY)
 
 
-def test_the_warning_comes_once_a_day():
+def test_the_warning_comes_once_a_day_and_at_the_end():
     warnings = CertificateWarnings(CertificateValidity(Path("certs"), _NOW, _NOW + 3 * _DAY))
-    assert "ends on 2026-05-04, in 3 days" in warnings.take(_NOW)
+    assert "ends on 2026-05-04 00:00 UTC, in 3 days" in warnings.take(_NOW)
     assert warnings.take(_NOW + 0.9 * _DAY) == ""
     assert "in 2 days" in warnings.take(_NOW + _DAY)
-    assert "has ended on 2026-05-04: hsslam-certs DIR --ca" in warnings.take(_NOW + 4 * _DAY)
+    assert "in 6.0 hours" in warnings.take(_NOW + 2.75 * _DAY)
+    assert warnings.take(_NOW + 2.99 * _DAY) == ""
+    assert "has ended on 2026-05-04 00:00 UTC: hsslam-certs DIR" in warnings.take(_NOW + 3 * _DAY)
+    assert warnings.take(_NOW + 3.9 * _DAY) == ""
+    assert "has ended" in warnings.take(_NOW + 4 * _DAY)
     assert CertificateWarnings(None).take(_NOW) == ""
 
 
