@@ -39,7 +39,8 @@ def list_url(url: str, without: str = "") -> Listing:
     try:
         return asked_listing(url, without)
     except OSError as error:
-        raise UserError(f"{error}: expected a URL that can be read") from None
+        told = str(error) if url in str(error) else f"{url}: {error}"
+        raise UserError(f"{told}: expected a URL that can be read") from None
 
 
 def asked_listing(url: str, without: str = "") -> Listing:

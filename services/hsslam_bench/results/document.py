@@ -8,13 +8,14 @@ A table lies between `<!-- bench:end -->` and a marker before it that names its 
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from hsslam_bench.checks.check import Check, Row, select
 from hsslam_bench.results.newest_rows import NewestRows, read_for_documents
 from hsslam_bench.results.report import Report
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
@@ -35,11 +36,7 @@ def fill_document(document: Path, results: Sequence[Path]) -> None:
         UserError: the document has no markers, a file is no result file or did not follow the protocol.
     """
     reports = [read_for_documents(path) for path in results]
-    try:
-        old = document.read_text()
-        document.write_text(with_tables(old, str(document), reports))
-    except OSError as error:
-        raise UserError(f"--docs {document}: {error.strerror}: expected a document") from None
+    _edit(document, lambda text: with_tables(text, str(document), reports))
 
 
 def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
@@ -52,7 +49,10 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
 
     def renewed(block: re.Match) -> str:
         marker = block.group(0).partition("\n")[0]
-        checks = select(newest.checks, block["names"].split())
+        try:
+            checks = select(newest.checks, block["names"].split())
+        except UserError as error:
+            raise UserError(f"--docs {name}: {marker}: {error}") from None
         table = _columns if block["kind"] == "columns" else _table
         lines = [*table([newest.rows[c.name] for c in checks]), *_origins(newest, checks)]
         return "\n".join((marker, *lines, END))
@@ -138,12 +138,29 @@ def fill_table(document: Path, name: str, text: str) -> None:
         UserError: the document or its marker lines are missing.
     """
     begin = f"<!-- table:{name} -->"
-    try:
-        old = document.read_text()
-        pattern = re.compile(f"{re.escape(begin)}\n.*?{re.escape(_END)}", re.DOTALL)
+    pattern = re.compile(f"{re.escape(begin)}\n.*?{re.escape(_END)}", re.DOTALL)
+
+    def filled(old: str) -> str:
         new, count = pattern.subn(lambda _: f"{begin}\n{text.strip()}\n{_END}", old)
         if count == 0:
             raise UserError(f"--docs {document}: expected the lines {begin} and {_END}")
-        document.write_text(new)
+        return new
+
+    _edit(document, filled)
+
+
+def _edit(document: Path, change: Callable[[str], str]) -> None:
+    """Replace the text of a document in one step; line ends stay as they are.
+
+    Raises:
+        UserError: the document cannot be read or written, or is not UTF-8.
+    """
+    try:
+        old = document.read_bytes().decode()
+        end = "\r\n" if "\r\n" in old else "\n"
+        new = change(old.replace("\r\n", "\n"))
+        write_durably(document, new.replace("\n", end).encode())
     except OSError as error:
         raise UserError(f"--docs {document}: {error.strerror}: expected a document") from None
+    except UnicodeDecodeError:
+        raise UserError(f"--docs {document}: is not UTF-8: expected a document") from None

@@ -87,6 +87,21 @@ def test_document_holds_what_was_measured_last(tmp_path: Path):
     assert document.read_text() == again
 
 
+def test_line_ends_stay_and_other_text_is_refused(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_bytes(f"before\n{BEGIN}\nold\n{END}\n".replace("\n", "\r\n").encode())
+    found = stored(tmp_path / "1.json", row_of("memory"))
+    fill_document(document, [found])
+    text = document.read_bytes()
+    assert b"| name" in text and text.count(b"\n") == text.count(b"\r\n") > 3
+    document.write_bytes(b"\xff\xfe" + text)
+    with pytest.raises(UserError, match=r"--docs .*results\.md: is not UTF-8: expected a document"):
+        fill_document(document, [found])
+    document.write_text(f"<!-- bench:rows nope -->\nold\n{END}\n")
+    with pytest.raises(UserError, match=r"results\.md: <!-- bench:rows nope -->: .*nope"):
+        fill_document(document, [found])
+
+
 def test_a_row_measured_against_another_bound_is_not_in_the_document(tmp_path: Path):
     document = tmp_path / "results.md"
     document.write_text(f"{BEGIN}\n{END}\n")

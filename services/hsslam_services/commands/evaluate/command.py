@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import msgspec
@@ -44,6 +45,10 @@ def _options(args: Sequence[str]) -> EvalOptions:
 
 
 def _evaluate(options: EvalOptions) -> None:
+    if options.json is not None and not options.json.exists():  # it may be /dev/stdout
+        _expect_writable("--json", options.json.parent)
+    if options.plots is not None:
+        _expect_writable("--plots", options.plots)
     subject, about = _subject(options)
     wanted = Wanted(
         depth_views=options.depth_views,
@@ -116,6 +121,21 @@ def _own_folder(run: str) -> Path | None:
 
 def _echo(text: str) -> None:
     print(text, file=sys.stderr)
+
+
+def _expect_writable(option: str, folder: Path) -> None:
+    """Make the folder before anything is measured.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise UserError(
+            f"{option} {folder}: {error.strerror}: expected a folder that can be written"
+        ) from None
 
 
 def _write_json(path: Path, figures: dict[str, Any]) -> Path:

@@ -90,6 +90,16 @@ def test_a_mesh_that_too_few_poses_align_is_not_scored(result, tmp_path, capsys)
     assert figures["left_out"] == {"mesh": text} and "mesh" not in figures
 
 
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_measured(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    for option, name in (("--json", "file/score.json"), ("--plots", "file/plots")):
+        with pytest.raises(SystemExit) as end:
+            main(["--trajectory", "/no.txt", *_SOURCE, option, str(tmp_path / name)])
+        told = capsys.readouterr().err
+        assert end.value.code == 2 and told.count("\n") == 1
+        assert told.startswith(f"error: {option} {tmp_path}/file")
+
+
 def test_a_mesh_that_no_camera_sees_is_told(result, tmp_path, capsys):
     """As one in mm."""
     mesh = trimesh.load(result / "mesh.ply", process=False, force="mesh")
