@@ -17,6 +17,7 @@ from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
 
 RUNS = "runs.parquet"
+_MAGIC = b"PAR1"  # a Parquet file begins and ends with it
 _REQUIRED = ("id", "name", "configuration", "kind")
 _ARTEFACTS = {  # column: file in the run folder
     "trajectory": "trajectory.txt",
@@ -75,15 +76,16 @@ def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
 
 
 def is_current(batch: Batch) -> bool:
-    """Whether the table of a folder is readable, and newer than plan and results."""
+    """Whether the table of a folder is whole, and newer than plan and results."""
     try:
         written_ns = (batch.out / RUNS).stat().st_mtime_ns
-        read_runs(batch.out)
-    except (OSError, NoTableError):
+        is_whole = (batch.out / RUNS).read_bytes().endswith(_MAGIC)  # PyArrow imports pandas
+    except OSError:
         return False
     # a rename in these folders adds or removes results
     changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
-    return all(path.stat().st_mtime_ns <= written_ns for path in changed if path.exists())
+    newest_ns = max((path.stat().st_mtime_ns for path in changed if path.exists()), default=0)
+    return is_whole and newest_ns <= written_ns
 
 
 def read_runs(out: Path) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from hsslam_services.bus.bus import Bus
 
 _POLL_S = 0.1
 _ON_ITS_WAY_S = 2.0  # longest transfer of a frame; heartbeats come every 0.5 s
+_SILENT_S = 1.5  # heartbeats come every 0.5 s
 _LONGEST_WAIT_S = 30.0  # for processes that the run does not need
 
 
@@ -56,6 +57,11 @@ class Peers:
     def frames_received(self, name: str) -> int | None:
         """Number of frames received by this process, by its newest heartbeat; None if it takes none."""
         return self._frames[name][0] if name in self._frames else None
+
+    def is_silent(self, name: str) -> bool:
+        """Whether no heartbeat of this process came for 1.5 s."""
+        heard_s = self._frames.get(name, (0, 0.0))[1]
+        return time.monotonic() - heard_s > _SILENT_S
 
     def has_missed(self, name: str, before: int | None, sent_s: float) -> bool:
         """Whether this process counts only `before` frames more than 2 s after `sent_s` (monotonic)."""

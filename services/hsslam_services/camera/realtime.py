@@ -134,8 +134,11 @@ class Realtime:
         """Whether a process that logs from the first frame lacks it; for 5 s at most after the answer."""
         if time.monotonic() - answered_s > _LOGGED_WITHIN_S:
             return False
-        counts = [(before[name], self._peers.frames_received(name)) for name in OTHERS]
-        return any(old is not None and new is not None and new <= old for old, new in counts)
+        for name in OTHERS:
+            old, new = before[name], self._peers.frames_received(name)
+            if old is not None and new == old and not self._peers.is_silent(name):
+                return True
+        return False
 
     def _due_ns(self, frame: Frame) -> int:
         """Monotonic time of the frame, ns; moves the clock at a gap, at a step back, for a slow source."""

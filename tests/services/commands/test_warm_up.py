@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from hsslam_services.bus.ask import ask
 from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.exit_code import ExitCode
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
 
 _REHEARSAL = """
 import gc
@@ -88,11 +91,15 @@ def test_a_run_waits_for_no_more_kernels_than_its_poses_and_map_need(tmp_path: P
     stamp.parent.mkdir(parents=True)
     stamp.touch()
     served = [sys.executable, "-m", WARM_UP, "--run", str(tmp_path)]
+    info = RunInfo("run", str(tmp_path), "", "", "robot", 0, 0, ServeOptions())
+    info.write()
     done = subprocess.run(served, env=environment, capture_output=True, text=True, timeout=20)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    with subprocess.Popen(served[:-2], env=environment, stdout=subprocess.PIPE, text=True) as whole:
-        assert whole.stdout is not None and "the built-in room" in whole.stdout.readline()
-        whole.kill()
+    replace(info, options=ServeOptions(grid=True)).write()
+    for command, part in ((served[:-2], "the built-in room"), (served, "distances")):
+        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as rest:
+            assert rest.stdout is not None and part in rest.stdout.readline()
+            rest.kill()
 
 
 def test_arguments_are_refused_and_help_is_given():
