@@ -49,7 +49,7 @@ def test_certificates_health_and_numbers_of_a_run(serve, tmp_path: Path):
     assert (done.returncode, done.stdout) == (0, "stopping\n"), done.stderr
     assert run.finish() == 0, run.stderr
     assert "zenoh: tls/127.0.0.1" in run.stderr
-    assert "in 1 days: hsslam-certs DIR --ca FOLDER makes new ones" in run.stderr
+    assert "in 24.0 hours: hsslam-certs DIR --ca FOLDER makes new ones" in run.stderr
     assert run.summary()["frames"]["tracked"] > 5
     run.expect_nothing_left()
 
