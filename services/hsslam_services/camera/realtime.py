@@ -18,9 +18,7 @@ _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
 _LATE = 0.5  # periods after its time
 _REPEATED_NS = 1_000_000  # after the stamp before: no camera is as fast, so it is the same stamp
-_LOGGED_WITHIN_S = (
-    5.0  # after the first frame is tracked: the clock stands still until the log has it
-)
+_LOGGED_WITHIN_S = 5.0  # that the clock waits for the log once the first frame is tracked
 NEEDED = ("tracker", "mapper")
 OTHERS = ("recorder",)  # logs from the first frame if it starts in time
 

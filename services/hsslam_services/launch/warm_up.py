@@ -44,11 +44,8 @@ def warm_up(report: Report) -> bool:
         UserError: the cache folder is not writable.
     """
     folder = writable_kernel_cache()
-    run, grid, complete = (
-        run_stamp(),
-        grid_stamp(),
-        warm_stamp(),
-    )  # read first: an upgrade changes them
+    # read first: an upgrade changes them
+    run, grid, complete = run_stamp(), grid_stamp(), warm_stamp()
     if complete.exists():
         return False
     try:
