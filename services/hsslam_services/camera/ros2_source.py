@@ -145,7 +145,10 @@ class Ros2Source:
         try:
             if nbytes > _LARGEST_BYTES:
                 raise BadImageError(f"{nbytes} bytes: expected at most {_LARGEST_BYTES}")
-            return self._cdr.image(sample.payload.to_bytes(), type_of(key))
+            image = self._cdr.image(sample.payload.to_bytes(), type_of(key))
+            if image.stamp_ns == 0:
+                raise BadImageError("header.stamp is 0: expected the time of the image")
+            return image
         except BadImageError as error:
             raise BadImageError(f"{topic_of(key)}: {error}") from None
 

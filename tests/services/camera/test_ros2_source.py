@@ -74,22 +74,33 @@ def test_what_is_heard_is_said_where_nothing_fits(endpoint, ros_camera, room):
         open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.1, domain=7))
 
 
-def test_depth_that_is_not_registered(endpoint, ros_camera, room):
+@pytest.mark.parametrize(
+    ("stamp_ns", "message"),
+    [
+        (5, "depth has 9x9 pixels: expected 160x120 as colour"),
+        (
+            0,
+            r"no colour-depth pair .*; /camera/.*_raw: header.stamp is 0: expected the time of the",
+        ),
+    ],
+)
+def test_depth_that_is_not_registered_and_images_without_a_stamp(
+    endpoint, ros_camera, room, stamp_ns, message
+):
     def publish() -> None:
         while not ended.wait(0.02):
-            ros_camera.put(
-                "/camera/color/camera_info", camera_info(5, room[0].camera), "CameraInfo"
-            )
-            ros_camera.put("/camera/color/image_raw", image(5, room[0].color, "rgb8"))
-            small = np.ones((9, 9), np.uint16)
-            ros_camera.put("/camera/aligned_depth_to_color/image_raw", image(5, small, "16UC1"))
+            info = camera_info(stamp_ns, room[0].camera)
+            ros_camera.put("/camera/color/camera_info", info, "CameraInfo")
+            ros_camera.put("/camera/color/image_raw", image(stamp_ns, room[0].color, "rgb8"))
+            small = image(stamp_ns, np.ones((9, 9), np.uint16), "16UC1")
+            ros_camera.put("/camera/aligned_depth_to_color/image_raw", small)
 
     ended = threading.Event()
     thread = threading.Thread(target=publish)
     thread.start()
     try:
-        with pytest.raises(UserError, match="depth has 9x9 pixels: expected 160x120 as colour"):
-            open_any_source("ros2:/camera", ros2_options(endpoint))
+        with pytest.raises(UserError, match=message):
+            open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=3.0))
     finally:
         ended.set()
         thread.join()
