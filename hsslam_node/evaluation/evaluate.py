@@ -29,6 +29,8 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 
+_UNSEEN = "no camera sees any of it: expected metres, in the world of the trajectory"
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -57,9 +59,6 @@ class Wanted:
     consistency: bool = True
     tsdfs: tuple[TsdfOptions, ...] = ()  # TSDFs to compare with
     seed: int = 0  # of samples and virtual views
-
-
-_UNSEEN = "no camera sees any of it: expected metres, in the world of the trajectory"
 
 
 @dataclass(frozen=True)

@@ -61,10 +61,20 @@ class BenchOptions:
     def __post_init__(self) -> None:
         if bool(self.docs) != bool(self.results):
             raise UserError("--docs: expected with --from, and --from with --docs")
-        if self.out is not None and self.out.suffix != ".json":  # the name without it is a folder
-            raise UserError(f"--out {self.out}: expected a name that ends in .json")
-        if self.data is not None and not self.data.is_dir():
-            raise UserError(f"--data {self.data}: no such folder")
+        expect_json(self.out)
+        expect_folder("--data", self.data)
+
+
+def expect_json(out: Path | None) -> None:
+    """Raise UserError if --out has another suffix: its name without it is a folder of results."""
+    if out is not None and out.suffix != ".json":
+        raise UserError(f"--out {out}: expected a name that ends in .json")
+
+
+def expect_folder(option: str, folder: Path | None) -> None:
+    """Raise UserError if the folder of an option is given and missing."""
+    if folder is not None and not folder.is_dir():
+        raise UserError(f"{option} {folder}: no such folder")
 
 
 @dataclass(frozen=True)

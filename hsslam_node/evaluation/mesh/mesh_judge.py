@@ -24,7 +24,7 @@ from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.triangles import NO_TRIANGLES, problem_of_triangles
+from hsslam_node.geometry.triangles import triangle_mesh
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -136,14 +136,11 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a mesh {_READABLE}")
     try:
-        mesh = trimesh.load(str(path), process=False, force="mesh")
+        loaded = trimesh.load(str(path), process=False, force="mesh")
     except Exception as error:  # trimesh's readers raise errors of many types
         problem = f"damaged mesh: {one_line(error)}"
         raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}") from None
-    if not isinstance(mesh, trimesh.Trimesh):
-        raise UserError(f"{path}: {NO_TRIANGLES}: expected a mesh {_READABLE}")
-    if problem := problem_of_triangles(mesh.vertices, mesh.faces):
-        raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}")
+    mesh = triangle_mesh(loaded, path, f"expected a mesh {_READABLE}")
     if path.suffix.lower() in _Y_UP:
         mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))
     return mesh

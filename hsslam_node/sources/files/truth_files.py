@@ -8,7 +8,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.geometry.triangles import NO_TRIANGLES, problem_of_triangles
+from hsslam_node.geometry.triangles import triangle_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,12 +26,8 @@ def mesh_loader(path: Path | None) -> MeshLoader | None:
 def _load_mesh(path: Path) -> "trimesh.Trimesh":
     import trimesh  # takes its time, and only the evaluator needs it
 
-    mesh = trimesh.load(path, process=False, force="mesh")
-    if not isinstance(mesh, trimesh.Trimesh):
-        raise UserError(f"{path}: {NO_TRIANGLES}: expected a mesh")
-    if problem := problem_of_triangles(mesh.vertices, mesh.faces):
-        raise UserError(f"{path}: {problem}: expected a mesh")
-    return mesh
+    loaded = trimesh.load(path, process=False, force="mesh")
+    return triangle_mesh(loaded, path, "expected a mesh")
 
 
 def read_matrix(path: Path) -> np.ndarray:

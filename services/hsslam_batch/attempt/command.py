@@ -47,7 +47,6 @@ def _work(options: WorkOptions) -> int:
     else:
         batch = read_batch(options.out)
     batch.expect_same_code()
-    _expect_kernel_cache()
     log = _planned(batch, options)
     if not is_remote:
         with batch.expect_writable():
@@ -55,6 +54,7 @@ def _work(options: WorkOptions) -> int:
     if before is not None and before.is_done:
         _report(options.json, before)
         return 0
+    _expect_kernel_cache()
     cancel_fds = [_stop_signal_fd()] + ([sys.stdin.fileno()] if options.tied else [])
     limits = Limits(options.timeout_s, options.memory_gb)
     terms = Terms(options.attempt, options.retries, limits, options.scratch, options.fetch_gb)

@@ -39,10 +39,8 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
         OSError: the folder or the store is not writable.
         UserError: the store is not readable.
     """
-    path = batch.out / RUNS
-    write_rows(path, _rows(batch, logs), _columns())
-    batch.publish(RUNS)
-    return path
+    _write(batch, _rows(batch, logs))
+    return batch.out / RUNS
 
 
 def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
@@ -56,8 +54,7 @@ def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
         rows = known_rows(batch, logs)
     except NoTableError:
         rows = _rows(batch, logs)
-    write_rows(batch.out / RUNS, rows, _columns())
-    batch.publish(RUNS)
+    _write(batch, rows)
     return rows
 
 
@@ -95,6 +92,11 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
         NoTableError: the table is missing, not readable or another one.
     """
     return _read(out / RUNS, out / RUNS)
+
+
+def _write(batch: Batch, rows: Sequence[dict[str, Any]]) -> None:
+    write_rows(batch.out / RUNS, rows, _columns())
+    batch.publish(RUNS)
 
 
 def _read(source: Path | io.BytesIO, name: object) -> list[dict[str, Any]]:

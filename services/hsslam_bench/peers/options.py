@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from hsslam_bench.options import expect_folder, expect_json
 from hsslam_bench.peers.systems.catalogue import SEQUENCES
 from hsslam_bench.tables.options import data_folder
 from hsslam_bench.tables.plan import expected_place, find_sequence
@@ -79,11 +80,9 @@ class PeersOptions:
             raise UserError("--result: expected with --source, or with one sequence in --sequences")
         if not (self.run or self.result or self.results):
             raise UserError("nothing to score: expected --result or --results with --no-run")
-        for option, folder in (("--data", self.data), ("--results", self.results)):
-            if folder is not None and not folder.is_dir():
-                raise UserError(f"{option} {folder}: no such folder")
-        if self.out.suffix != ".json":
-            raise UserError(f"--out {self.out}: expected a file whose name ends in .json")
+        expect_folder("--data", self.data)
+        expect_folder("--results", self.results)
+        expect_json(self.out)
 
     @property
     def sources(self) -> "list[PeerSequence]":

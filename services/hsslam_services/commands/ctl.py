@@ -42,9 +42,9 @@ from hsslam_services.commands.point_table import print_answers
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.security.access import WORKER_LINK
 
 _PROG = "hsslam-ctl"
-_OF_ARENA = "unixsock"  # an endpoint in the arena, which a run removes at its end
 _DEFAULT_ROBOT = "robot"
 _LONGEST_S = 120.0  # in which an unfinished request is sent again
 
@@ -153,7 +153,7 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
         return options.connect, options.robot or _DEFAULT_ROBOT
     if options.run is not None:
         run = RunInfo.read(options.run)
-        if run.endpoint.startswith(_OF_ARENA) and not Path(run.arena_dir).exists():
+        if run.endpoint.startswith(WORKER_LINK) and not Path(run.arena_dir).exists():
             raise NoServiceError(f"no service: the run of {options.run} has ended")
         return run.endpoint, options.robot or run.robot
     runs = {

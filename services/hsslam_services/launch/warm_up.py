@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.kernels.cache_folder import (
     grid_stamp,
-    has_run_kernels,
     run_stamp,
     unwritable_cache,
     warm_stamp,
@@ -70,10 +69,10 @@ def warm_up_for_run(report: Report, has_grid: bool) -> None:
     folder = writable_kernel_cache()
     run, grid = run_stamp(), grid_stamp()
     try:
-        if not has_run_kernels(has_grid=False):
+        if not run.exists():
             _compile_for_run(report)
             run.touch()
-        if not has_run_kernels(has_grid):
+        if has_grid and not grid.exists():
             _compile_distances(report)
             grid.touch()
     except OSError as error:

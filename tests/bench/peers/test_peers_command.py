@@ -50,7 +50,7 @@ def test_a_folder_of_results_has_its_sequences_scored(tum_folder: Path, tmp_path
 
 
 def test_the_table_does_not_replace_the_results(tmp_path: Path):
-    with pytest.raises(UserError, match=r"x\.md: expected a file whose name ends in \.json"):
+    with pytest.raises(UserError, match=r"x\.md: expected a name that ends in \.json"):
         peers_command(["--source", "synth:room", "--out", str(tmp_path / "x.md")])
 
 

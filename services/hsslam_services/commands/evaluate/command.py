@@ -140,7 +140,6 @@ def _expect_writable(option: str, folder: Path) -> None:
 
 def _write_json(path: Path, figures: dict[str, Any]) -> Path:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, msgspec.json.format(msgspec.json.encode(figures)))
     except OSError as error:
         raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
