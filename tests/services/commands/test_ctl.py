@@ -20,14 +20,9 @@ from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.point_codec import answers_message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import QUERY, REFUSAL
-from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.commands.ctl import main
 from hsslam_services.commands.ctl_options import CtlOptions
-from hsslam_services.run.find_run import running_runs
-from hsslam_services.run.maps_folder import find_map, known_maps, map_path
-from hsslam_services.run.options import ServeOptions
-from hsslam_services.run.run_info import RunInfo
 from tests.examples.test_wire_client import EXAMPLE
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
@@ -85,57 +80,6 @@ def test_no_service_is_code_1():
 def test_options_are_checked():
     with pytest.raises(UserError, match="--robot"):
         CtlOptions(robot="a/b")
-
-
-def test_only_a_run_whose_supervisor_lives_is_found(tmp_path):
-    shm, out = tmp_path / "shm", tmp_path / "out"
-    shm.mkdir(), out.mkdir()
-    arena = ArenaFolder("one", out, root=shm)
-    assert running_runs(shm) == {str(arena.path): None}  # nothing said of itself yet
-    run = RunInfo(
-        "one", str(out), str(arena.path), "tcp/127.0.0.1:1", "robot", 1, 2, ServeOptions()
-    )
-    run.write()
-    run.write_into_arena()
-    assert running_runs(shm) == {str(out): run}
-    out.rename(tmp_path / "moved")
-    assert running_runs(shm) == {str(arena.path): run}
-    assert RunInfo.read(arena.path) == run  # as --run does
-    arena.remove()
-    assert running_runs(shm) == {}
-
-
-def test_maps_have_names_not_paths(tmp_path):
-    assert map_path(tmp_path, "room-1") == tmp_path / "room-1.safetensors"
-    for name in ("", "a/b", "..", "a b", "x" * 65):
-        with pytest.raises(UserError, match="expected a name"):
-            map_path(tmp_path, name)
-    map_path(tmp_path, "b").touch()
-    assert known_maps(tmp_path) == ["b"]
-    assert known_maps(tmp_path / "none") == []
-    assert find_map(tmp_path, "b") == find_map("elsewhere", str(tmp_path / "b.safetensors"))
-    with pytest.raises(
-        UserError, match=r"--map bb: no such map in .*did you mean b.; known maps: b"
-    ):
-        find_map(tmp_path, "bb")
-    with pytest.raises(UserError, match=r"--map ./b: no such file"):
-        find_map(tmp_path, "./b")
-
-
-def test_a_run_folder_is_a_map(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "runs/desk").mkdir(parents=True)
-    with pytest.raises(UserError, match=r"--map runs/desk/map.safetensors: no such file"):
-        find_map("maps", "runs/desk/")
-    saved = tmp_path / "runs/desk/map.safetensors"
-    saved.touch()
-    for given in ("runs/desk", "./runs/desk/", str(saved.parent)):
-        assert find_map("maps", given) == saved
-    monkeypatch.chdir(tmp_path / "runs")
-    assert find_map("maps", "desk") == saved
-    map_path("maps", "desk").parent.mkdir()
-    map_path("maps", "desk").touch()
-    assert find_map("maps", "desk") == map_path("maps", "desk")  # names first
 
 
 @pytest.mark.e2e
