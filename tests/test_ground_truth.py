@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import entry_points
 
 import pytest
@@ -29,13 +30,23 @@ def _reached(module: str) -> dict[str, str]:
     return found
 
 
-def _targets(module: str) -> Iterator[str]:
+@cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text())
+
+
+@cache
+def _targets(module: str) -> tuple[str, ...]:
+    return tuple(_named(module))
+
+
+def _named(module: str) -> Iterator[str]:
     """What it imports by statement, or by an import path such as `hsslam_node.sources.tum:TumSource`, or as
     the plugins that are installed."""
     yield from imports(MODULES[module])
     if module == source_plugins.__name__:
         yield from (point.module for point in entry_points(group=source_plugins.GROUP))
-    tree = ast.parse(MODULES[module].read_text())
+    tree = _tree(module)
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     of_truth = {id(word.value) for call in calls for word in call.keywords if word.arg == _TRUTH}
     for node in ast.walk(tree):
@@ -54,7 +65,7 @@ def _with_packages(module: str) -> Iterator[str]:
 
 def _uses_of_truth(module: str) -> Iterator[str]:
     """Readers of the truth that a module calls, passes on or imports, or finds in a row of sources."""
-    for node in ast.walk(ast.parse(MODULES[module].read_text())):
+    for node in ast.walk(_tree(module)):
         if isinstance(node, ast.Attribute) and node.attr in {_TRUTH, *_READERS}:
             yield node.attr
         elif isinstance(node, ast.Name) and node.id in _READERS:

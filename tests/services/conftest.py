@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +33,19 @@ def own_address() -> str:
     return f"127.0.{os.getpid() % 250 + 1}.1"
 
 
-@pytest.fixture
-def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
-    """Make the run, with these options, once."""
+@contextmanager
+def run_maker(folder: Path) -> Iterator[Callable[..., RunInfo]]:
+    """A function that makes the run of this folder, with the options that it is given."""
     endpoint = free_endpoint()
     router = open_router(endpoint)
-    arena = ArenaFolder("test", tmp_path, root=tmp_path)
+    arena = ArenaFolder("test", folder, root=folder)
     MapState.create(arena.path, localise_only=False)
     SharedLevel.create(arena.path)
 
     def make(**options: Any) -> RunInfo:
         info = RunInfo(
             run_id="test",
-            run_dir=str(tmp_path),
+            run_dir=str(folder),
             arena_dir=str(arena.path),
             endpoint=endpoint,
             robot="robot",
@@ -59,6 +60,13 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
     yield make
     arena.remove()
     router.close()
+
+
+@pytest.fixture
+def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
+    """Make the run, with these options, once."""
+    with run_maker(tmp_path) as make:
+        yield make
 
 
 @pytest.fixture

@@ -68,7 +68,8 @@ def test_a_pose_is_judged_by_the_map_that_was_rendered(view):
 
 
 def test_the_tracker_asks_the_map_where_it_is(view):
-    options = replace(SMALL.rendering_tracker, pixels=24, iterations=2, fresh_pixels=False)
+    short = {"iterations": 2, "settling_iterations": 1, "first_descents": 1}
+    options = replace(SMALL.rendering_tracker, pixels=24, fresh_pixels=False, **short)
     config = replace(SMALL, rendering_tracker=options)
     first, second = room_frames()[:2]
     poses = []

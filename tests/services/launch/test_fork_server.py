@@ -15,8 +15,24 @@ from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.spawn import Process
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
+from tests.services.conftest import run_maker
 
 _SAMPLE = "tests.services.sample_worker"
+
+
+@pytest.fixture(scope="module")
+def living_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunInfo]:
+    with run_maker(tmp_path_factory.mktemp("living")) as make:
+        yield make(slam=PRESETS["realtime"])
+
+
+@pytest.fixture(scope="module")
+def living_client(living_run: RunInfo) -> Iterator[ForkClient]:
+    """Of a fork server that no test kills, because a start takes seconds."""
+    link = ForkClient(living_run.path)
+    link.start()
+    yield link
+    link.close()
 
 
 @pytest.fixture
@@ -33,6 +49,7 @@ def fork_client(run: RunInfo) -> Iterator[ForkClient]:
 
 
 def _start(fork_client: ForkClient, run: RunInfo, behaviour: str) -> Process:
+    (run.path / "at_work").unlink(missing_ok=True)
     (run.path / "behaviour").write_text(behaviour)
     return fork_client.spawn(_SAMPLE, run.path)
 
@@ -54,33 +71,33 @@ def _is_ready(process: Process) -> bool:
 
 
 def test_a_forked_process_is_a_child_with_a_name_a_session_and_a_log(
-    fork_client: ForkClient, run: RunInfo
+    living_client: ForkClient, living_run: RunInfo
 ):
-    process = _start(fork_client, run, "obedient")
+    process = _start(living_client, living_run, "obedient")
     _wait_for(lambda: _is_ready(process))
     assert process.pid is not None
     seen = psutil.Process(process.pid)
     assert seen.ppid() == os.getpid()
-    assert seen.cmdline()[0].endswith(f" -P -m {_SAMPLE} --run {run.run_dir}")
+    assert seen.cmdline()[0].endswith(f" -P -m {_SAMPLE} --run {living_run.run_dir}")
     assert seen.name() == "hsslam-sample_worker"[:15]
     assert os.getsid(process.pid) == process.pid
-    assert fork_client.pid != process.pid
+    assert living_client.pid != process.pid
     process.send_signal(END_SIGNAL)
     assert process.wait(10) == 0
-    assert (run.path / "ended").read_text() == "in order"
+    assert (living_run.path / "ended").read_text() == "in order"
 
 
-def test_exit_codes_and_what_was_said_arrive(fork_client: ForkClient, run: RunInfo):
-    assert _start(fork_client, run, "bad input").wait(60) == 2
-    assert "error: field = 3" in (run.path / "logs" / "sample_worker.log").read_text()
-    assert _start(fork_client, run, "crash").wait(60) == -signal.SIGABRT
+def test_exit_codes_and_what_was_said_arrive(living_client: ForkClient, living_run: RunInfo):
+    assert _start(living_client, living_run, "bad input").wait(60) == 2
+    assert "error: field = 3" in (living_run.path / "logs" / "sample_worker.log").read_text()
+    assert _start(living_client, living_run, "crash").wait(60) == -signal.SIGABRT
 
 
 def test_a_forked_process_has_its_kernels_from_the_fork_server(
-    fork_client: ForkClient, run: RunInfo
+    living_client: ForkClient, living_run: RunInfo
 ):
-    process = _start(fork_client, run, "warm")
-    _wait_for(lambda: process.poll() is not None or (run.path / "at_work").exists())
+    process = _start(living_client, living_run, "warm")
+    _wait_for(lambda: process.poll() is not None or (living_run.path / "at_work").exists())
     process.send_signal(END_SIGNAL)
     assert process.wait(10) == 0
 
@@ -131,8 +148,8 @@ def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInf
     assert after.wait(10) == -signal.SIGKILL
 
 
-def test_a_frozen_process_that_is_waited_for_is_a_timeout(fork_client: ForkClient, run: RunInfo):
-    process = _start(fork_client, run, "deaf")
+def test_a_frozen_process_that_is_waited_for_is_a_timeout(living_client: ForkClient, living_run: RunInfo):
+    process = _start(living_client, living_run, "deaf")
     _wait_for(lambda: process.poll() is None and process.pid is not None)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.05)
