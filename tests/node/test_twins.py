@@ -11,6 +11,7 @@ import hsslam_node
 NODE = Path(hsslam_node.__file__).parent
 _NAME = re.compile(r"`((?:kernels|gpu_kernels|reference|rendering)/[\w/]+\.py)`")
 _WITHOUT_TWIN = {
+    "kernels/copy_rows.py": "what other kernels are built of",
     "kernels/depth_mean.py": "what other kernels are built of; the GPU gets depth that is averaged already",
     "kernels/simd.py": "what other kernels are built of",
     "kernels/simd_pairs.py": "what other kernels are built of",

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_row
 from hsslam_node.kernels.simd import WIDTH, load, spread, store
 from hsslam_node.kernels.simd_keys import (
     add_keys,
@@ -63,7 +64,7 @@ def nearest_sites(keys, needed, far, bits):
     for j in range(ny):
         _limits(keys, needed, j, limit)
         for k in range(nz):
-            line[margin : margin + width] = keys[k, j]
+            copy_row(keys[k, j], line[margin : margin + width])
             _along_x(line, limit, far, bits, keys[k, j])
         for group in range(len(limit)):
             if limit[group] > 0:

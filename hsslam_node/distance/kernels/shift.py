@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_row
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -17,7 +18,7 @@ def shift(values, steps):
             j = m if steps[1] >= 0 else ny - 1 - m
             c, b = k + steps[0], j + steps[1]
             if 0 <= c < nz and 0 <= b < ny and begin < end:
-                line[begin:end] = values[c, b, begin + steps[2] : end + steps[2]]
-                values[k, j] = line
+                copy_row(values[c, b, begin + steps[2] : end + steps[2]], line[begin:end])
+                copy_row(line, values[k, j])
             else:
                 values[k, j] = 0

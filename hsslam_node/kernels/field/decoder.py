@@ -6,6 +6,7 @@ Twin: `gpu_kernels/field/decoder.py`. Reference: `reference/field.py`.
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_rows
 
 HIDDEN = 32
 
@@ -27,8 +28,8 @@ def color_weights(values, layout):
     C2 = 2 * layout.channels
     V1, blob_V1, feature_V1 = color_first_layer(values, layout)
     dense = np.zeros((C2 + 16, HIDDEN), np.float32)
-    dense[:C2] = V1
-    dense[C2 + 1 :] = feature_V1
+    copy_rows(V1, dense[:C2])
+    copy_rows(feature_V1, dense[C2 + 1 :])
     V2 = values[layout.color_W2 : layout.color_W2 + HIDDEN * 3].reshape(HIDDEN, 3)
     return dense, blob_V1, V2
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_rows
 from hsslam_node.kernels.field.layout import BLOCK
 from hsslam_node.kernels.simd import add, fma, load, mul, spread, store, total, where_positive
 
@@ -45,7 +46,8 @@ def padded_blob_rows(rows):
     axes = rows.shape[0] // BINS
     padded = np.zeros((axes * _PADDED, _HIDDEN), np.float32)
     for a in range(axes):
-        padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS] = rows[BINS * a : BINS * (a + 1)]
+        own = padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS]
+        copy_rows(rows[BINS * a : BINS * (a + 1)], own)
     return padded
 
 
@@ -53,7 +55,9 @@ def padded_blob_rows(rows):
 def add_blob_gradient(d_padded, d_rows):
     """Add the gradient by the padded rows to that by the rows [48, 32]."""
     for a in range(d_rows.shape[0] // BINS):
-        d_rows[BINS * a : BINS * (a + 1)] += d_padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS]
+        for k in range(BINS):
+            for i in range(_HIDDEN):
+                d_rows[BINS * a + k, i] += d_padded[_PADDED * a + 1 + k, i]
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

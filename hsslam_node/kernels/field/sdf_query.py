@@ -6,6 +6,7 @@ Twin: `gpu_kernels/field/sdf_query.py`. Reference: `reference/field.py`.
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_rows
 from hsslam_node.kernels.field.decoder import HIDDEN, geometry_weights
 from hsslam_node.kernels.field.forward import (
     join_hash_features,
@@ -45,7 +46,7 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
     L, C = layout.hash_offset.shape[0], layout.channels
     W1, blob_W1, W2 = geometry_weights(params, layout)
     W1_T = aligned_rows(HIDDEN, 2 * L + 2 * C)
-    W1_T[:] = W1.T
+    copy_rows(W1.T, W1_T)
     w2 = W2[:, 0].copy()
     n = points.shape[0]
     chunk = min(n, _CHUNK)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.kernels.copy_rows import copy_row
 from hsslam_node.synth.rendering.texture_lookup import JIT
 
 _BYTE, _RED_BLUE = np.uint32(0xFF), np.uint32(0x00FF00FF)
@@ -20,7 +21,7 @@ def mix_borders(packed, face_ids, color):
     height, width = packed.shape
     row = np.empty(width, np.uint32)
     for v in range(height):
-        row[:] = packed[v]
+        copy_row(packed[v], row)
         if 0 < v < height - 1:
             _mix_row(packed[v - 1], packed[v], packed[v + 1],
                      face_ids[v - 1], face_ids[v], face_ids[v + 1], row)  # fmt: skip

@@ -57,7 +57,8 @@ def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
             closest[0] = -1e9
             low_u, low_v, high_u, high_v = 0.0, 0.0, float(width), float(height)
         if high_u < 0 or high_v < 0 or low_u > width - 1 or low_v > height - 1:
-            boxes[p] = 0, -1, 0, -1
+            boxes[p, 0] = boxes[p, 2] = 0
+            boxes[p, 1] = boxes[p, 3] = -1
             continue
         boxes[p, 0], boxes[p, 1] = (
             int(max(low_u, 0)) // TILE,
