@@ -110,8 +110,23 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     try:
         with durable_file(path) as partial:
             save_file(tensors, partial, metadata)
+            _order_metadata(partial)
     except (OSError, SafetensorError) as error:
         raise UserError(f"{path}: cannot write the map: {error}") from None
+
+
+def _order_metadata(path: Path) -> None:
+    """Sort the metadata of a safetensors file, in place: the library writes them in a random order, and the
+    same map would not be the same file."""
+    with path.open("r+b") as stream:
+        length = int.from_bytes(stream.read(8), "little")
+        header = json.loads(stream.read(length))
+        header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+        text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+        if len(text) > length:  # would move the tensors
+            raise OSError(f"header of {len(text)} bytes: expected at most {length}")
+        stream.seek(8)
+        stream.write(text.ljust(length))
 
 
 def load_checkpoint(path: Path) -> MapCheckpoint:

@@ -28,6 +28,12 @@ def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajec
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """The poses of both in the order of their stamps."""
     stamps_ns = np.concatenate([first.stamps_ns, second.stamps_ns])
-    order = np.argsort(stamps_ns, kind="stable")
-    poses = np.concatenate([first.T_world_cam, second.T_world_cam])
-    return Trajectory(stamps_ns[order], poses[order])
+    return by_stamp(
+        Trajectory(stamps_ns, np.concatenate([first.T_world_cam, second.T_world_cam]))
+    )
+
+
+def by_stamp(poses: Trajectory) -> Trajectory:
+    """The poses in the order of their stamps; those of one stamp keep theirs."""
+    order = np.argsort(poses.stamps_ns, kind="stable")
+    return Trajectory(poses.stamps_ns[order], poses.T_world_cam[order])

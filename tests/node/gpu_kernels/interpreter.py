@@ -31,8 +31,8 @@ def import_gpu_kernels() -> None:
 
 
 def _patch_the_language_once_a_launch() -> None:
-    """The interpreter exchanges the functions of `triton.language` at each launch, and again whenever a kernel
-    calls a function: a third of its time, which for functions of ours changes nothing."""
+    """The interpreter exchanges the functions of `triton.language` at each launch, and again whenever a
+    kernel calls a function: a third of its time, which for functions of ours changes nothing."""
     interpreted = importlib.import_module("triton.runtime.interpreter").InterpretedFunction
     patch_and_call = interpreted.__call__
 

@@ -45,6 +45,12 @@ def test_what_was_saved_is_loaded(checkpoint, saved):
     assert [p.name for p in saved.parent.iterdir()] == [saved.name]
 
 
+def test_the_same_map_is_the_same_file(checkpoint, saved):
+    before = saved.read_bytes()
+    save_checkpoint(saved, checkpoint)
+    assert saved.read_bytes() == before
+
+
 def test_the_robot_that_made_a_map_is_kept(checkpoint, saved):
     assert load_checkpoint(saved).T_level_world is None
     level = RobotFrames.mounted((0.3, 0.1, 0.35, 0.1, 0.7, 0.1, 0.7)).T_base_cam

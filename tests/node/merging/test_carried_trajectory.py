@@ -40,3 +40,12 @@ def test_sessions_are_joined_in_the_order_of_their_stamps():
     found = joined(first, second)
     assert found.stamps_ns.tolist() == [10, 20, 30]
     np.testing.assert_array_equal(found.T_world_cam[1], second.T_world_cam[0])
+
+
+def test_poses_of_one_stamp_are_kept_in_the_order_of_the_sessions():
+    first = Trajectory(np.array([10, 30], np.int64), _poses(2, 0))
+    second = Trajectory(np.array([10, 20], np.int64), _poses(2, 1))
+    found = joined(first, second)
+    assert found.stamps_ns.tolist() == [10, 10, 20, 30]
+    for k, expected in enumerate((first, second)):
+        np.testing.assert_array_equal(found.T_world_cam[k], expected.T_world_cam[0])

@@ -34,6 +34,10 @@ def terminated(arguments):
 serve_command_line.parse_command_line = terminated
 serve.main()
 """
+_SAME_RESULTS = (
+    *("trajectory.txt", "trajectory_online.txt", "keyframes.txt"),
+    *("map.safetensors", "mesh.ply"),
+)
 _PROCESSES = [
     spec for spec in PROCESSES if spec.exists(has_camera=True, has_ros2_out=False, has_grid=False)
 ]
@@ -176,8 +180,8 @@ def test_lockstep_is_reproducible_bit_for_bit_and_repeated_from_its_folder(serve
         assert run.finish(timeout_s=150) == 0, run.stderr
         assert run.summary()["frames"] == {**run.summary()["frames"], "in": 60, "dropped": 0}
         assert run.summary()["device"]["reason"] == "lockstep is reproducible on the CPU only"
-    for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
-        assert (alone.out / name).read_bytes() == (disturbed.out / name).read_bytes()
+    for name in _SAME_RESULTS:
+        assert (alone.out / name).read_bytes() == (disturbed.out / name).read_bytes(), name
     differing = set(_config_lines(alone)) ^ set(_config_lines(disturbed))
     assert all(line.startswith("zenoh_port") for line in differing)
     summary = disturbed.summary()

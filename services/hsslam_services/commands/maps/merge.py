@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.merging.carried_trajectory import carried, joined
+from hsslam_node.merging.carried_trajectory import by_stamp, carried, joined
 from hsslam_node.merging.merge_maps import JoinedMap, merge_maps
 from hsslam_node.merging.order_of_time import in_order_of_time
 from hsslam_services.artefacts.mesh_file import mesh_section, save_mesh
@@ -90,11 +90,16 @@ def merge_runs(options: MergeOptions) -> None:
         write_tum(folder / _TRAJECTORY, joined(first, second))
         write_tum(folder / "trajectory.first.txt", first)
         write_tum(folder / "trajectory.second.txt", second)
-        write_tum(folder / "keyframes.txt", saved.trajectory())
+        write_tum(folder / "keyframes.txt", by_stamp(saved.trajectory()))
         saved.save(folder / MAP_NAME)
         save_mesh(folder, mesh)
         update_summary(folder, _section(options, found) | mesh_section(mesh))
     print(f"{options.second} meets {options.first} in {found.places} places: {_summary(found)}")
+    if shared := len(np.intersect1d(first.stamps_ns, second.stamps_ns)):
+        print(
+            f"{shared} frames of both runs have the same stamp: {_TRAJECTORY} has two poses for each; "
+            "evaluate trajectory.first.txt and trajectory.second.txt"
+        )
     print(f"results: {options.out}")
 
 
