@@ -28,9 +28,7 @@ def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajec
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """The poses of both in the order of their stamps."""
     stamps_ns = np.concatenate([first.stamps_ns, second.stamps_ns])
-    return by_stamp(
-        Trajectory(stamps_ns, np.concatenate([first.T_world_cam, second.T_world_cam]))
-    )
+    return by_stamp(Trajectory(stamps_ns, np.concatenate([first.T_world_cam, second.T_world_cam])))
 
 
 def by_stamp(poses: Trajectory) -> Trajectory:

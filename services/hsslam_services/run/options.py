@@ -27,6 +27,7 @@ from hsslam_services.run.source_table import (
     refuse_ignored_options,
     sources_help,
 )
+from hsslam_services.run.viewer_url import is_address, viewer_url
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
@@ -197,7 +198,9 @@ class ServeOptions:
     slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:
-        if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
+        if is_address(self.viewer):
+            viewer_url(self.viewer)
+        elif self.viewer not in _VIEWERS:
             expected = "auto, none, web, spawn or connect:URL"
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
         expect_at_least("memory-gb", self.memory_gb, 0.1, "GB")

@@ -7,6 +7,7 @@ import rerun as rr
 from hsslam_node.errors import UserError
 from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
+from hsslam_services.run.viewer_url import viewer_url
 from hsslam_services.viewer.drawing import Drawing, Intervals, NextFile
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.watch import ViewerWatch
@@ -21,10 +22,7 @@ class RerunView:
 
     `memory_gb`: memory limit of the viewer, as of `ViewerProcess`. `write_to` switches to another file: rerun
     keeps a list of all chunks of a file until its end. `show` never waits: new frames replace waiting ones.
-    If a viewer closes or takes no data, `report` gets one warning, and the file goes on.
-
-    Raises:
-        UserError: the viewer cannot be started.
+    If a viewer cannot be started, closes or takes no data, `report` gets one warning, and the file goes on.
     """
 
     def __init__(
@@ -36,7 +34,11 @@ class RerunView:
         memory_gb: float | None = None,
     ) -> None:
         self._process: ViewerProcess | None = None
-        live = None if viewer == "none" else self._open_viewer(viewer, memory_gb)
+        live = None
+        try:
+            live = None if viewer == "none" else self._open_viewer(viewer, memory_gb)
+        except UserError as error:  # the log matters more
+            report("warning", f"{error}: the run goes on without a viewer")
         self._rrd = rrd
         self._threads = [Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
         if live is not None:
@@ -81,11 +83,7 @@ class RerunView:
             process = ViewerProcess("spawn" if viewer == "spawn" else "web", memory_gb)
             self._process = process
             return rr.GrpcSink(process.url)
-        address = viewer.removeprefix("connect:")
-        url = address if "://" in address else f"rerun+http://{address}/proxy"
         try:
-            return rr.GrpcSink(url)
-        except (RuntimeError, ValueError):
-            raise UserError(
-                f"--viewer {viewer}: expected connect:HOST:PORT or connect:rerun+http://HOST:PORT/proxy"
-            ) from None
+            return rr.GrpcSink(viewer_url(viewer))
+        except (RuntimeError, ValueError) as error:
+            raise UserError(f"--viewer {viewer}: {' '.join(str(error).split())}") from None

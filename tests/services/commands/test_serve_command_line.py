@@ -62,6 +62,7 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--source zenoh: --frames 30", "--frames 30: another program sends the frames"),
         ("--source zenoh: --noise kinect", "--noise kinect: another program sends the frames"),
         ("--source zenoh: --camera.fx 9", "--camera.fx 9.0: source zenoh: has its own camera"),
+        ("--viewer connect:laptop", "--viewer connect:laptop: expected connect:HOST:PORT"),
         ("--viewer vlc", "--viewer vlc: expected auto, none, web, spawn or connect:URL"),
         ("--viewer-memory-gb 0", "--viewer-memory-gb 0.0: expected GB, 0.1 or more"),
         ("--viewer-memory-gb nan", "--viewer-memory-gb nan: expected GB, 0.1 or more"),

@@ -148,7 +148,9 @@ def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInf
     assert after.wait(10) == -signal.SIGKILL
 
 
-def test_a_frozen_process_that_is_waited_for_is_a_timeout(living_client: ForkClient, living_run: RunInfo):
+def test_a_frozen_process_that_is_waited_for_is_a_timeout(
+    living_client: ForkClient, living_run: RunInfo
+):
     process = _start(living_client, living_run, "deaf")
     _wait_for(lambda: process.poll() is None and process.pid is not None)
     with pytest.raises(subprocess.TimeoutExpired):

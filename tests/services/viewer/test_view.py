@@ -244,9 +244,17 @@ def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
         _status(page, patience_s=0)
 
 
-def test_an_address_that_is_none_is_one_line(tmp_path):
-    with pytest.raises(UserError, match="expected connect:HOST:PORT"):
-        RerunView(tmp_path / "run.rrd", "connect:gopher://x", "run-1", lambda *_: None)
+def test_a_viewer_that_cannot_be_started_costs_no_recording(tmp_path, monkeypatch):
+    nowhere = "hsslam_services.viewer.rerun_process._executable"
+    monkeypatch.setattr(nowhere, lambda: "/nowhere/rerun")
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
+    _show_a_run(view)
+    view.close()
+    ((level, text),) = events
+    assert level == "warning" and "--viewer web: cannot start /nowhere/rerun" in text
+    assert text.endswith("the run goes on without a viewer")
+    rrd("verify", tmp_path / "run.rrd")
 
 
 def _expect_looked_at(view: RerunView) -> None:
