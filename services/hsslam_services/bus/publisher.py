@@ -13,10 +13,12 @@ from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.envelope import Envelope
 from hsslam_proto.message import Message
 from hsslam_proto.topics import Topic
+from hsslam_services.bus.zenoh_session import open_shared_memory
 
 M = TypeVar("M", bound=Message)
 Report = Callable[[Literal["info", "warning", "error"], str], None]  # publishes an event
 _HEARTBEAT_S = 0.25
+_SHARED_BYTES = 2**20  # messages that may be larger, and may be dropped, need shared memory from the first
 _LARGE_BYTES = 2**17  # a larger message may fill the queue of a link
 
 
@@ -57,6 +59,8 @@ class Publisher(Generic[M]):
         congestion = zenoh.CongestionControl.BLOCK if blocks else zenoh.CongestionControl.DROP
         encoding = zenoh.Encoding(encoding_of(topic))
         queue = zenoh.Priority.BACKGROUND if follows_all else priority(topic)
+        if not blocks and topic.size_limit_bytes > _SHARED_BYTES:
+            open_shared_memory(session)
         if topic.history == 0:
             self._publisher = session.declare_publisher(
                 key, encoding=encoding, congestion_control=congestion, priority=queue

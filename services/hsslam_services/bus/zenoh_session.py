@@ -27,6 +27,7 @@ _FROM = f"{_SHARED}/transport_optimization/message_size_threshold"
 _LEAST_POOL_BYTES = 2**20
 _LARGE_BYTES = 65_536  # frames and meshes; smaller messages are cheaper on the socket
 _NEVER = 2**40
+_NOBODY = "@hsslam/nobody"  # a chunk that begins with @ matches no wildcard
 _ALL_POOLS_BYTES = 16 * POOL_BYTES  # of all senders that a process may receive from
 _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
 _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not apply
@@ -152,6 +153,15 @@ def open_client(
             raise UserError(f"zenoh endpoint {endpoint}: expected a router within {timeout_s:g} s")
         time.sleep(0.005)
     return session
+
+
+def open_shared_memory(session: zenoh.Session) -> None:
+    """Make the session open its pool of shared memory, by a large message that reaches no subscriber.
+
+    zenoh opens the pool at the first large message, and sends this one by socket, in pieces: it is lost if a
+    receiver does not read them in time.
+    """
+    session.put(_NOBODY, bytes(_LARGE_BYTES), congestion_control=zenoh.CongestionControl.DROP)
 
 
 def free_endpoint() -> str:

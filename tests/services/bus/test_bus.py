@@ -48,6 +48,19 @@ def test_what_a_process_says_last_arrives_though_it_ends_at_once(endpoint):
         assert [event.text for event in events.drain()] == [str(index) for index in range(20)]
 
 
+def test_the_first_frame_goes_through_shared_memory(endpoint):
+    """By socket it would go in pieces, and be lost if one is not read in time."""
+    found: list[bool] = []
+    with Bus(endpoint, "r", "a") as a, open_client(endpoint) as b:
+        key = topics.FRAME.key("r")
+        b.declare_subscriber(key, lambda s: found.append(s.payload.as_shm() is not None))
+        publisher = a.publisher(topics.FRAME)
+        _until(publisher.has_subscribers)
+        publisher.put_payload(bytes(1_000_000))
+        _until(lambda: found)
+    assert found == [True]
+
+
 def test_newest_wins_and_the_rest_is_counted(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=1)
