@@ -9,7 +9,6 @@ import msgspec
 import pytest
 import rerun as rr
 
-from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages
 from hsslam_services.viewer.drawing import Drawing, Intervals
 from hsslam_services.viewer.rerun_process import ViewerProcess
