@@ -58,7 +58,7 @@ LIBRARIES: dict[str, Callable[[str], Answer]] = {
 
 def main(table: str, library: str = "pandas") -> None:
     """Print the answers."""
-    if not Path(table).exists():
+    if "://" not in table and not Path(table).is_file():
         sys.exit(f"error: {table}: no such file: expected runs.parquet of hsslam-batch report")
     if library not in LIBRARIES:
         sys.exit(f"error: {library}: expected {', '.join(LIBRARIES)}")

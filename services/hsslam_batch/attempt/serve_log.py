@@ -20,6 +20,7 @@ from hsslam_batch.attempt.judgement import (
     selected_frames,
     summary_of,
 )
+from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.outcome import Outcome, figures, may_try_again
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch
@@ -30,6 +31,7 @@ from hsslam_services.arena.arena_folder import remove_arena
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 
+_NOT_RUN = End(code=2, why="", wall_s=0.0, core_s=0.0, memory_mb=0)
 _FETCH_CODES = {1: "the log could not be fetched"}
 
 
@@ -127,6 +129,11 @@ def _attempt(
                 at_end.pop_all()  # keep the fetched part for the next attempt
             return outcome
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
+    elif terms.attempt == 1:  # an attempt before may have recovered it
+        try:
+            expect_unchanged(log, batch.out)
+        except UserError as error:
+            return _outcome(batch, log, terms, _NOT_RUN, kind="bad input", reason=str(error))
     run_dir = place.run_dir
     at_end.callback(_remove_arena, run_dir)
     command = serve_command(batch, here, run_dir)

@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 from hsslam_batch.attempt.commit import all_settled, settle_recordings
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
@@ -82,15 +83,16 @@ def _run(
     from hsslam_batch.cluster.ray_pool import RayPool, Share
 
     with (
+        _stopping() as stop,
         connected(options.address, batch.out / _RAY_MESSAGES),
         BatchProgress(batch, tally, options.metrics_file) as progress,
     ):
+        _hear(stop)  # Ray has replaced the handlers
         share = Share(options.cpus, options.memory_gb)
         words = partial(work_words, batch, logs, options)
         pool = RayPool(perform, words, share, options.parallel)
-        with _stopping() as stop:
-            run = BatchRun(batch, logs, options.retries, pool, progress, stop)
-            drive(waiting, pool, run.judge, stop.is_asked, run.look)
+        run = BatchRun(batch, logs, options.retries, pool, progress, stop)
+        drive(waiting, pool, run.judge, stop.is_asked, run.look)
         return stop.is_asked()
 
 
@@ -98,18 +100,23 @@ def _run(
 def _stopping() -> Iterator[Stop]:
     """In the block the first stop signal asks the batch to stop, the second raises KeyboardInterrupt."""
     stop = Stop()
+    before = _hear(stop)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _hear(stop: Stop) -> Mapping[signal.Signals, Any]:
+    """Ask the batch to stop at a stop signal; returns the former handlers."""
 
     def hear(count: int) -> None:
         if count > 1:
             raise KeyboardInterrupt
         stop.ask()
 
-    before = hear_stop_signals(hear)
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return hear_stop_signals(hear)
 
 
 @contextlib.contextmanager

@@ -177,7 +177,7 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
 
 def _show(answer: Message, options: CtlOptions) -> None:
     match answer:
-        case Status() | Located() if options.json:
+        case Status() | Located() | SavedMap() | Done() if options.json:
             print(msgspec.json.format(msgspec.json.encode(answer)).decode())
         case Status():
             print_status(answer)

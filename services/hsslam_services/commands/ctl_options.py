@@ -82,7 +82,7 @@ class CtlOptions:
     timeout_s: float | None = None
     """Longest wait for the answer, s (none: 5, 15 or 60, by request; query asks again for up to 120 s)."""
     json: bool = False
-    """Print status, query or locate as JSON."""
+    """Print the answer as JSON; not for mesh and trajectory."""
 
     def __post_init__(self) -> None:
         if self.connect and not re.fullmatch(_ENDPOINT, self.connect):
@@ -133,8 +133,11 @@ class CtlOptions:
             raise UserError(f"set-mode {self.name}: {expected}")
         if self.request in _NUMBERS:
             self.numbers()
-        if self.out is not None and self.request not in ("mesh", "trajectory"):
+        has_file = self.request in ("mesh", "trajectory")
+        if self.out is not None and not has_file:
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
+        if self.json and has_file:
+            raise UserError(f"--json: expected without {self.request}, whose answer is a file")
         if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
             raise UserError(f"--out {self.out}: expected a file .ply, the format of mesh")
         if self.out is not None and not self.out.absolute().parent.is_dir():

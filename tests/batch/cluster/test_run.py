@@ -114,6 +114,22 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     assert len(read_runs(batch.out)) == 4 and nothing_left(batch)
 
 
+def test_a_stop_while_ray_starts_begins_no_log(batch: Batch):
+    run = start(batch)
+    wait(lambda: _hears(run.pid, signal.SIGTERM) or run.poll() is not None)
+    run.send_signal(signal.SIGTERM)
+    said = end(run)
+    assert run.returncode == 1 and "4 left" in said, said
+    assert read_runs(batch.out) == [] and nothing_left(batch)
+
+
+def _hears(pid: int, number: signal.Signals) -> bool:
+    """Whether the process has a handler of this signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
+
+
 def test_logs_and_results_in_a_store_that_fails_now_and_then(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -52,6 +52,7 @@ _OF_RUN = ("camera", "recorder")
         (("save", "../x"), "map '../x': expected a name of letters"),
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
+        (("mesh", "--json"), "--json: expected without mesh, whose answer is a file"),
         (("mesh", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file in a folder"),
         (("mesh", "--out", "x.glb"), "--out x.glb: expected a file .ply"),
         (("mesh", "--out", "x"), "--out x: expected a file .ply"),
@@ -97,7 +98,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     _expect_foreign_client(run.endpoint)
 
     assert _expect("pause", *me) == "paused\n"
-    assert _expect("pause", *me) == "was paused already\n"
+    assert json.loads(_expect("pause", "--json", *me)) == {"text": "was paused already"}
     held = _frames_when_still(run, me)
     sent = {beat.counters["sent"] for beat in run.heartbeats("camera", 4)}
     assert len(sent) == 1 and _frames(me) == held

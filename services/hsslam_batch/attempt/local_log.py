@@ -1,0 +1,27 @@
+"""Whether a log of this machine is still the planned one; alone, as `fetch.py` checks logs of a store."""
+
+from pathlib import Path
+
+from hsslam_batch.plan.find_logs import log_files
+from hsslam_batch.plan.listing import FileStamp, list_folder
+from hsslam_batch.plan.log import Log
+from hsslam_node.errors import UserError
+
+
+def expect_unchanged(log: Log, out: Path) -> None:
+    """Check sizes and times of the files of a log against the plan of the batch in `out`.
+
+    A log that had no end when it was planned, so that its `frames` are 0, may change: its first reader
+    completes it. A log that is gone is left to the run, which names it.
+
+    Raises:
+        UserError: it is another log now.
+    """
+    if not log.frames or not Path(log.place).exists():
+        return
+    listing = list_folder(Path(log.place), str(out))
+    files = log_files(listing, listing.alone, log.kind)
+    if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
+        raise UserError(
+            f"{log.place}: has changed since the plan: expected the same files, or hsslam-batch plan again"
+        )

@@ -1,0 +1,36 @@
+"""A log that is another one than when it was planned has no run under its old id."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.local_log import expect_unchanged
+from hsslam_batch.attempt.serve_log import Terms, serve_log
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.command import plan_command
+from hsslam_batch.plan.log import read_manifest
+from hsslam_bench.batch.small_log import write_small_log
+from tests.batch.quick_options import QUICK
+
+
+@pytest.mark.parametrize("is_folder", [True, False], ids=["run folder", "file"])
+def test_a_log_that_changed_after_the_plan_is_bad_input(tmp_path: Path, is_folder: bool):
+    folder = tmp_path / "logs" / "a" if is_folder else tmp_path / "a"
+    file = write_small_log(folder)
+    if not is_folder:
+        (tmp_path / "logs").mkdir()
+        file = file.rename(tmp_path / "logs" / "a.mcap")
+    plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
+    batch = read_batch(str(tmp_path / "out"))
+    (log,) = read_manifest(batch.out)
+    assert log.frames == 6
+    expect_unchanged(log, batch.out)
+    os.utime(file, ns=(1, 1))
+    outcome = serve_log(batch, log, Terms())
+    assert outcome.kind == "bad input" and outcome.wall_s == 0
+    assert f"{log.place}: has changed since the plan: expected the same files" in outcome.reason
+    expect_unchanged(dataclasses.replace(log, frames=0), batch.out)  # its first reader completes it
+    file.unlink()
+    expect_unchanged(dataclasses.replace(log, place=str(file)), batch.out)
