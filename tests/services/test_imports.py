@@ -13,9 +13,10 @@ _NEEDED = {
     "commands.ctl": set(),
     "processes.camera": set(),  # what its source needs comes with the source
     "processes.recorder": {"cv2", "rerun", "mcap"},
-    "processes.tracker": {"torch", "numba", "cv2", "scipy"},
-    "processes.mapper": {"torch", "numba", "scipy"},
-    "processes.global_ba": {"torch", "numba", "cv2", "scipy"},
+    # the fork server imports all three before it forks
+    "processes.tracker, hsslam_services.processes.mapper, hsslam_services.processes.global_ba": (
+        {"torch", "numba", "cv2", "scipy"}
+    ),
     "processes.mesher": {"numba", "cv2", "scipy", "skimage"},
 }
 
