@@ -6,6 +6,7 @@ order, so the poses are the same.
 
 import math
 from collections.abc import Iterable, Iterator
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,11 +84,11 @@ class Slam:
         """
         if not 0 <= new_map_after_s < math.inf:
             raise UserError(f"new_map_after_s = {new_map_after_s}: expected seconds, 0 or more")
-        if not (isinstance(seed, int) and seed >= 0):
+        if not isinstance(seed, Integral) or isinstance(seed, bool) or seed < 0:
             raise UserError(f"seed = {seed}: expected a whole number, 0 or more")
         self.config = config
         self.localise_only = localise_only
-        self.seed = seed
+        self.seed = int(seed)
         self._new_map_after_s = new_map_after_s
         self._device = device if isinstance(device, Device) else choose_device(device)
         self._arrays = arrays or MemoryAllocator()

@@ -14,7 +14,7 @@ from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.dense_map.measuring import TRUSTED, answers_at
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
-from hsslam_node.dense_map.shapes import Shapes, finite_rows, finite_transform
+from hsslam_node.dense_map.shapes import Shapes, finite_rows, rigid_transform
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.occupancy import FAR_M
@@ -156,7 +156,7 @@ class DenseMap:
         Raises:
             UserError: the pose is not [4, 4], or not finite; the camera has a lens.
         """
-        T = finite_transform("T_world_cam", T_world_cam)
+        T = rigid_transform("T_world_cam", T_world_cam)
         camera = camera or self.camera.undistorted()
         if camera.has_lens:
             raise UserError(

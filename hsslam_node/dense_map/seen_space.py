@@ -67,6 +67,9 @@ class SeenSpace:
         cell_m: side of a cell, m.
         max_depth_m: farther depth counts as none, as in the mapping.
         far_m: farther depth gives certainty and free space up to here, but no surface.
+
+    Raises:
+        UserError: `far_m` is not above 0.
     """
 
     def __init__(
@@ -76,6 +79,8 @@ class SeenSpace:
         max_depth_m: float = REALTIME.mapper.max_depth_m,
         far_m: float = FAR_M,
     ) -> None:
+        if not far_m > 0:
+            raise UserError(f"far_m = {far_m}: expected metres above 0")
         self._reach_m = reach_m
         self._far_m = far_m
         self._cell_m = cell_m

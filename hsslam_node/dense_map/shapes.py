@@ -143,11 +143,11 @@ def finite_rows(name: str, values: ArrayLike, width: int) -> np.ndarray:
     return rows
 
 
-def finite_transform(name: str, values: ArrayLike) -> np.ndarray:
-    """A transform [4, 4] of finite float64; UserError with `name` if it is none."""
-    expected = "expected a finite transform [4, 4]"
+def rigid_transform(name: str, values: ArrayLike) -> np.ndarray:
+    """A transform [4, 4] of float64, neither scaled nor mirrored; UserError with `name` if it is none."""
+    expected = "expected a transform [4, 4] of a rotation and a translation"
     T = _numbers(name, values, expected)
-    if T.shape != (4, 4) or not np.isfinite(T).all():
+    if T.shape != (4, 4) or not are_rigid(T[None]):
         raise UserError(f"{name} {_short(T)}: {expected}")
     return T
 

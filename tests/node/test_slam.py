@@ -164,12 +164,23 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
 
 
 @pytest.mark.parametrize(
-    "given", [{"new_map_after_s": -1.0}, {"new_map_after_s": math.nan}, {"seed": -1}]
+    "given",
+    [
+        {"new_map_after_s": -1.0},
+        {"new_map_after_s": math.nan},
+        {"seed": -1},
+        {"seed": True},
+        {"seed": 1.0},
+    ],
 )
 def test_numbers_out_of_range_are_named(given):
     (name,) = given
     with pytest.raises(UserError, match=rf"{name} = .*: expected .*0 or more"):
         Slam(SMALL, **given)
+
+
+def test_a_whole_number_of_numpy_is_a_seed():
+    assert Slam(SMALL, seed=np.int64(3)).seed == 3
 
 
 def test_without_a_frame_there_is_no_map():

@@ -17,7 +17,8 @@ _PIXELS = ("keyframe_color.", "keyframe_depth.")  # prefixes of arrays
 
 
 class MemoryBudget:
-    """Limits the number of keyframes; sends one notice when the run comes near the limit.
+    """Limits the number of keyframes; sends one notice when the run comes near the limit, and one if the
+    limit leaves too little for keyframes.
 
     The budget covers all files of the arena and `bytes_beside`, the run's memory outside the arena. The
     rest of it is for the pixels of keyframes.
@@ -30,14 +31,25 @@ class MemoryBudget:
         self._memory_gb = memory_gb
         self._bytes_beside = bytes_beside
         self._calls = 0
-        self._is_reported = False
+        self._is_reported = self._is_short = False
         self._limit = ""  # name of the tightest limit
+        self._room = 0  # keyframes that fit, may be negative
+        self._others_mb = 0  # memory of the run without the pixels of keyframes
 
     def apply(self, store: KeyframeStore) -> str | None:
         """Set the store's limit by the memory; returns a notice for the user, or None."""
+        fewest = min(_FEWEST, store.capacity)
         if self._calls % _LOOK_EVERY == 0:
-            store.allow(self._most(store))
+            self._measure(store)
+            store.allow(max(self._room, fewest))
         self._calls += 1
+        if self._room < fewest and not self._is_short:
+            self._is_reported = self._is_short = True
+            return (
+                f"{self._limit} is too little: the map and others take {self._others_mb} MB, which leaves "
+                f"room for {max(self._room, 0)} keyframes: the run keeps {fewest} and exceeds the limit, and "
+                "the mesh loses what the others showed"
+            )
         kept, most = len(store.kept()), store.most_kept
         if self._is_reported or kept < _SCARCE * most:
             return None
@@ -47,7 +59,7 @@ class MemoryBudget:
             "mapper removes redundant keyframes"
         )
 
-    def _most(self, store: KeyframeStore) -> int:
+    def _measure(self, store: KeyframeStore) -> None:
         files = _files(self._folder)
         pixels = held_bytes(file for name, file in files.items() if name.startswith(_PIXELS))
         others = held_bytes(files.values()) - pixels + self._bytes_beside()
@@ -59,7 +71,8 @@ class MemoryBudget:
             "keyframes.capacity": store.capacity * store.pixel_bytes,
         }
         self._limit = min(limits, key=limits.__getitem__)
-        return max(int(limits[self._limit]) // store.pixel_bytes, min(_FEWEST, store.capacity))
+        self._room = int(limits[self._limit]) // store.pixel_bytes
+        self._others_mb = round(others / 1e6)
 
 
 def _files(folder: Path) -> dict[str, os.stat_result]:

@@ -16,7 +16,7 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     published = SharedMap(worker.arena, worker.options.slam).published()
     if published is not None:
-        worker.event("info", f"saving the map: {published[0].count} keyframes")
+        worker.event("info", f"saving the map: {len(published[0].kept())} keyframes")
         worker.add_to_summary(save_map(worker.run.path, *published, worker.options))
 
 

@@ -198,7 +198,7 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
         ),
         (lambda m: m.query([[10**400, 0, 0]]), "points .*: expected finite numbers"),
         (lambda m: m.query(torch.ones((1, 3), requires_grad=True)), "points tensor.*: expected"),
-        (lambda m: m.render("pose"), "T_world_cam 'pose': expected a finite transform"),
+        (lambda m: m.render("pose"), "T_world_cam 'pose': expected a transform"),
         *(
             (
                 lambda m, far=far: m.raycast([[0, 0, 0]], [[0, 0, 1]], far),
@@ -208,8 +208,12 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
         ),
         (lambda m: m.raycast([[0, 0, 0]], [[0, 0, 0]]), "directions .*none of length 0"),
         (lambda m: m.raycast([[0, 0, 0]], np.ones((2, 3))), "expected one for each of 1 origins"),
-        (lambda m: m.render(np.eye(4)[:3]), r"T_world_cam \[3, 4\]: expected a finite transform"),
-        (lambda m: m.render(np.full((4, 4), np.nan)), "T_world_cam .*expected a finite transform"),
+        (lambda m: m.render(np.eye(4)[:3]), r"T_world_cam \[3, 4\]: expected a transform"),
+        *(
+            (lambda m, T=T: m.render(T), "T_world_cam .*of a rotation and a translation")
+            for T in (np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.zeros((4, 4)))
+        ),
+        (lambda m: m.render(np.full((4, 4), np.nan)), "T_world_cam .*expected a transform"),
         (
             lambda m: m.render(np.eye(4), replace(m.camera, distortion=(0.3, 0.0, 0.0, 0.0))),
             r"camera.distortion = \[0.3, 0.0, 0.0, 0.0\]: expected a camera without a lens",
@@ -222,6 +226,15 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
 def test_bad_questions_are_one_line(ask, text):
     with pytest.raises(UserError, match=text):
         ask(_map())
+
+
+@pytest.mark.parametrize("far_m", [0.0, -1.0, np.nan])
+def test_a_reach_that_is_none_is_told_when_the_map_is_opened(far_m):
+    room = mapped_room()
+    layout, params = room.parameters.layout, room.parameters.published()[1]
+    keyframes = keyframes_of_store(room.store)
+    with pytest.raises(UserError, match=f"far_m = {far_m}: expected metres above 0"):
+        DenseMap(layout, params, keyframes, SMALL.sampling, far_m=far_m)
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), []])

@@ -79,6 +79,17 @@ def test_scarcity_is_told_once(arena):
     assert budget.apply(store) is None and store.most_kept <= 16
 
 
+def test_a_limit_below_what_the_map_takes_is_told_once(arena):
+    """The first keyframes stay, whatever they take."""
+    store = _store(arena, 3)
+    arena.create("field", (50_000_000,), np.uint8)
+    budget = MemoryBudget(arena.folder, 0.05)
+    told = budget.apply(store)
+    assert told is not None and "--memory-gb 0.05 is too little" in told
+    assert "leaves room for 0 keyframes: the run keeps 12 and exceeds the limit" in told
+    assert budget.apply(store) is None and store.most_kept == 12
+
+
 def test_capacity_counts_as_well(arena):
     store = _store(arena, 9, capacity=12)
     told = MemoryBudget(arena.folder, 2.0).apply(store)
