@@ -31,6 +31,8 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
 
     try:
         _connect(address)
+    except SystemExit:  # Ray's handler of SIGTERM
+        raise KeyboardInterrupt from None
     except Exception as error:  # Ray raises many types, also Exception itself
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
