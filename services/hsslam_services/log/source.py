@@ -153,19 +153,24 @@ def frames_of_run(run: ServeOptions, indices: Collection[int]) -> SourceOptions:
     others as possible."""
     options = run.source_options
     chosen = np.unique(np.fromiter(indices, np.int64))
-    first, last, step = int(chosen[0]), int(chosen[-1]), int(np.gcd.reduce(np.diff(chosen))) or 1
     if options.reorders:
-        return replace(options, frames=last + 1)
+        return replace(options, frames=int(chosen[-1]) + 1)
     if place := log_place(run.source):  # indices refer to this log
         rows = McapSource(place, SourceOptions()).indices
-        start, end = rows.searchsorted([first, last + 1]).tolist()
-        return replace(options, start=start, stride=1, frames=end - start)
+        first, last, step = _span(rows.searchsorted(chosen))
+        return replace(options, start=first, stride=step, frames=(last - first) // step + 1)
+    first, last, step = _span(chosen)
     return replace(
         options,
         start=options.start + options.stride * first,
         stride=options.stride * step,
         frames=(last - first) // step + 1,
     )
+
+
+def _span(chosen: np.ndarray) -> tuple[int, int, int]:
+    """First, last and largest common step of numbers in order."""
+    return int(chosen[0]), int(chosen[-1]), int(np.gcd.reduce(np.diff(chosen))) or 1
 
 
 def repeated_effects(options: ServeOptions) -> list[str]:

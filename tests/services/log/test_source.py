@@ -112,7 +112,8 @@ def test_a_log_without_frames_is_one_line(tmp_path):
     [
         (range(20, 40), SourceOptions(), (2 + 3 * 20, 3, 20)),  # begins later
         ((0, 1, 4, 9, 11), SourceOptions(), (2, 3, 12)),  # has gaps
-        ((0, 1, 4, 9, 11), SourceOptions(start=1, stride=2), (2 + 3, 3, 9)),
+        ((0, 1, 4, 9, 11), SourceOptions(start=1, stride=2), (2 + 3, 3 * 8, 2)),
+        (range(9, 50, 5), SourceOptions(start=1, stride=2), (2 + 3 * 14, 3 * 10, 4)),  # strides
         ((7,), SourceOptions(), (2 + 3 * 7, 3, 1)),
     ],
 )

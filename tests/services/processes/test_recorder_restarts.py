@@ -87,7 +87,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
     assert rrd_rows(tmp_path / "run.1.rrd", "/plots/quality") == 1 + 140  # its style, every pose
     for part in ("run.mcap", "run.1.mcap"):
         mesh = newest_mesh([tmp_path / part])
-        assert mesh is not None and len(mesh.faces) == 3
+        assert mesh is not None and len(mesh.triangles.faces) == 3 and not mesh.is_final
     summary = json.loads(second.stdout.read().splitlines()[-1])
     assert summary["poses_logged"] == 140
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -20,7 +21,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.evaluate.options import EvalOptions
-from hsslam_services.commands.evaluate.subject import run_subject
+from hsslam_services.commands.evaluate.subject import run_subject, source_of_run
 from hsslam_services.commands.evaluate.table import eval_table
 from hsslam_services.log.reader import is_log
 from hsslam_services.log.source import RecordedSource, recorded_source
@@ -58,8 +59,10 @@ def _evaluate(options: EvalOptions) -> None:
         tsdfs=options.tsdf_settings,
         seed=options.seed,
     )
+    is_of_run = options.run and not options.source
     with terminal_progress() as progress:
-        evaluator = Evaluator(subject, wanted, progress.track)
+        with source_of_run(options.run) if is_of_run else nullcontext():
+            evaluator = Evaluator(subject, wanted, progress.track)
         evaluator.expect_pairs(options.run or f"--trajectory {options.trajectory}")
         found = evaluator.evaluate()
     figures: dict[str, Any] = scores_as_json({**about, **found.figures})

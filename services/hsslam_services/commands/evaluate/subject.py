@@ -1,5 +1,7 @@
 """Reads the subject of an evaluation: a run folder, or the log of a killed run."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,18 @@ from hsslam_services.run.source_table import comes_once, log_place
 from hsslam_services.run.summary import read_summary
 
 
+@contextmanager
+def source_of_run(place: str) -> Iterator[None]:
+    """Name the run in errors of its source, which the user of a run folder has not typed."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(
+            f"{place}: its source cannot be read: {error} (a relative path counts from the folder in which "
+            "the run began)"
+        ) from None
+
+
 def log_subject(
     place: str, given: RecordedSource | None, say: Say
 ) -> tuple[Subject, dict[str, Any]]:
@@ -50,8 +64,12 @@ def log_subject(
         if comes_once(run.source):
             source = RecordedSource(f"mcap:{place}", SourceOptions())
         else:
-            source = recorded_source(run.source, _options(run, files, found), say)
+            with source_of_run(place):
+                source = recorded_source(run.source, _options(run, files, found), say)
     assert source is not None
+    logged = newest_mesh(files)
+    if logged is not None and not logged.is_final:
+        say(f"{place}: no final mesh: scoring the live one, which may lack parts of the map")
     subject = Subject(
         source=source.spec,
         options=source.options,
@@ -60,7 +78,7 @@ def log_subject(
             "final": found.final,
             "keyframes": found.keyframes,
         },
-        mesh=newest_mesh(files),
+        mesh=None if logged is None else logged.triangles,
         slam=run.slam if run else None,
         open_it=open_any_source,
     )
@@ -137,9 +155,10 @@ def _source_of_run(
     """The source of the frames of a run; its own log if the source cannot be read again."""
     if not comes_once(run.source):
         read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run read fewer frames
-        return recorded_source(
-            run.source, replace(run.source_options, frames=read or run.frames), say
-        )
+        with source_of_run(str(folder)):
+            return recorded_source(
+                run.source, replace(run.source_options, frames=read or run.frames), say
+            )
     if not parts(folder):
         raise UserError(
             f"{folder}: nothing to score: --source {run.source} cannot be read again, and there is no log: "

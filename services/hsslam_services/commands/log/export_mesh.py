@@ -11,10 +11,13 @@ from hsslam_services.log.reader import Say
 def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """Write mesh.ply in the world of the poses, and mesh.glb with y up; vertex colours, m. Yields a line for
     each file; nothing if the last map has no mesh."""
-    mesh = newest_mesh(files)
-    if mesh is None:
+    found = newest_mesh(files)
+    if found is None:
         say("no mesh: the log has none")
         return
+    mesh, is_final = found
+    if not is_final:
+        say("mesh: the live one, which may lack parts of the map, as the log has no final mesh")
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name
         if name.endswith(".glb"):

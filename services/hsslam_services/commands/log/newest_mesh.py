@@ -1,6 +1,7 @@
 """The newest mesh of a log: the final mesh, or the live mesh assembled from its blocks."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import trimesh
 
@@ -13,8 +14,15 @@ from hsslam_proto.topics import KEYFRAME, MESH, MESH_BLOCKS
 from hsslam_services.log.reader import Logged, bus_messages
 
 
-def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
-    """Coloured triangles (m, world of the poses) from the files of one log; None if the last map has no mesh.
+class LoggedMesh(NamedTuple):
+    """Coloured triangles (m, world of the poses). The final mesh shows the whole map, a live one may not."""
+
+    triangles: trimesh.Trimesh
+    is_final: bool
+
+
+def newest_mesh(files: list[Path]) -> LoggedMesh | None:
+    """The newest mesh in the files of one log; None if the last map has no mesh.
 
     Raises:
         UserError: a file is damaged, or of an unknown version.
@@ -32,9 +40,11 @@ def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
             live.add(message)
     message = None if final is None else final.message()
     triangles = live.whole() if live.map_epoch == epochs.now else None
-    if isinstance(message, mesh_messages.Mesh) and not epochs.is_past(message):
+    is_final = isinstance(message, mesh_messages.Mesh) and not epochs.is_past(message)
+    if is_final:
         triangles = mesh_arrays(message)
     if triangles is None:
         return None
     vertices, faces, colors = triangles
-    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+    whole = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+    return LoggedMesh(whole, is_final)

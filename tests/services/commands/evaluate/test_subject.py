@@ -40,6 +40,19 @@ def test_the_run_of_a_bag(room, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize("source", ["tum:frames", "mcap:other"])
+def test_a_source_that_is_not_there_is_told_with_the_run(source, tmp_path, monkeypatch, capsys):
+    """As from another folder than that in which the run began."""
+    monkeypatch.chdir(tmp_path)
+    folder = _run(tmp_path / "run", ServeOptions(source, evaluate=False))
+    with pytest.raises(SystemExit) as end:
+        main([str(folder)])
+    told = capsys.readouterr().err
+    assert end.value.code == 2 and told.count("\n") == 1
+    assert told.startswith(f"error: {folder}: its source cannot be read: ")
+    assert "a relative path counts from the folder in which the run began" in told
+
+
 @pytest.mark.parametrize("source", ["ros2:/camera", "zenoh:"])
 def test_the_run_of_a_camera_is_scored_by_its_log(source, room, tmp_path, capsys):
     options = ServeOptions(source, evaluate=False)

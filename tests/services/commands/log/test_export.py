@@ -230,3 +230,12 @@ def test_a_recording_has_the_id_of_its_log_wherever_that_lies(tmp_path, capsys):
     assert main(["trim", str(path), str(short), "--end", "0.05"]) == 0
     assert main(["export", str(short), "--only", "rrd"]) == 0
     assert monday not in rrd("print", tmp_path / "desk-export" / "run.rrd")
+
+
+def test_a_live_mesh_is_told_as_one(tmp_path, capsys):
+    whole = write_log(tmp_path)
+    assert main(["trim", str(whole), str(tmp_path / "begin.mcap"), "--end", "1"]) == 0
+    for log, is_live in ((tmp_path / "begin.mcap", True), (whole, False)):
+        assert main(["export", str(log), "--only", "mesh", "--out", str(tmp_path / log.stem)]) == 0
+        assert ("no final mesh" in capsys.readouterr().err) == is_live
+        assert (tmp_path / log.stem / "mesh.ply").exists()
