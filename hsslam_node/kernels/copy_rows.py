@@ -1,7 +1,7 @@
 """Rows copied by loops; apart because kernels of the field, of distances and of the built-in scenes use it.
 
 For each assignment of an array to a slice of another, numba compiles a message that names both shapes.
-Without these messages all kernels compile in three quarters of the time.
+Without these messages, all kernels compile in 0.84 of the core time.
 """
 
 from hsslam_node.kernels.compiled import njit
