@@ -18,9 +18,7 @@ from hsslam_services.bus.zenoh_session import open_shared_memory
 M = TypeVar("M", bound=Message)
 Report = Callable[[Literal["info", "warning", "error"], str], None]  # publishes an event
 _HEARTBEAT_S = 0.25
-_SHARED_BYTES = (
-    2**20
-)  # messages that may be larger, and may be dropped, need shared memory from the first
+_SHARED_BYTES = 2**20  # larger messages that may be dropped need shared memory from the first
 _LARGE_BYTES = 2**17  # a larger message may fill the queue of a link
 
 
