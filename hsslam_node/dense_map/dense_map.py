@@ -154,7 +154,7 @@ class DenseMap:
         Pixels without a surface are black, with depth 0. camera: None: that of the keyframes.
 
         Raises:
-            UserError: the pose is not [4, 4], or not finite; the camera has a lens.
+            UserError: the pose is no rotation and translation [4, 4]; the camera has a lens.
         """
         T = rigid_transform("T_world_cam", T_world_cam)
         camera = camera or self.camera.undistorted()

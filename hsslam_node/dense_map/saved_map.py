@@ -49,7 +49,8 @@ class SavedMap(DenseMap):
                 `is_free`.
 
         Raises:
-            UserError: no such file, another format or version, a damaged file; the device is not usable.
+            UserError: no such file, another format or version, a damaged file; the device is not usable;
+                `far_m` is not above 0.
         """
         return cls(Path(path), load_checkpoint(Path(path)), device, far_m)
 

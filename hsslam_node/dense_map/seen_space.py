@@ -10,7 +10,7 @@ import numpy as np
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
-from hsslam_node.distance.occupancy import FAR_M, Occupancy
+from hsslam_node.distance.occupancy import FAR_M, Occupancy, expect_far
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
@@ -79,8 +79,7 @@ class SeenSpace:
         max_depth_m: float = REALTIME.mapper.max_depth_m,
         far_m: float = FAR_M,
     ) -> None:
-        if not far_m > 0:
-            raise UserError(f"far_m = {far_m}: expected metres above 0")
+        expect_far(far_m)
         self._reach_m = reach_m
         self._far_m = far_m
         self._cell_m = cell_m

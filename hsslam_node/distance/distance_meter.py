@@ -19,7 +19,7 @@ from hsslam_node.distance.kernels.surface_sites import (
     number_sites,
     signed_distances,
 )
-from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.occupancy import Occupancy, expect_far
 from hsslam_node.errors import UserError
 
 FAR_M = 2.0
@@ -34,8 +34,7 @@ class DistanceMeter:
     """
 
     def __init__(self, far_m: float = FAR_M) -> None:
-        if not far_m > 0:
-            raise UserError(f"far_m = {far_m}: expected metres above 0")
+        expect_far(far_m)
         self._far_m = far_m
         self._keys, self._needed = np.empty(0, np.uint32), np.empty(0, np.uint8)
 

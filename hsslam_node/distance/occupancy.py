@@ -25,6 +25,12 @@ _SLACK = 8  # a window moves when its wanted middle is this share of its side aw
 _RECORD_BYTES = 8
 
 
+def expect_far(far_m: float) -> None:
+    """Raise UserError unless the largest distance that counts is above 0 (so none is nan)."""
+    if not far_m > 0:
+        raise UserError(f"far_m = {far_m}: expected metres above 0")
+
+
 class Occupancy:
     """Evidence for every voxel of a grid: images that saw a surface in it, and images that saw through it.
 
@@ -45,8 +51,7 @@ class Occupancy:
         far_m: float = FAR_M,
         max_depth_m: float = REALTIME.mapper.max_depth_m,
     ) -> None:
-        if not far_m > 0:
-            raise UserError(f"far_m = {far_m}: expected metres above 0")
+        expect_far(far_m)
         self.grid = grid
         self.T_grid_world = np.eye(4) if T_grid_world is None else np.array(T_grid_world)
         self._far_m, self._max_depth_m = far_m, max_depth_m

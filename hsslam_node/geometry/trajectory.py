@@ -115,6 +115,12 @@ def read_tum(path: Path | str) -> Trajectory:
     return Trajectory(np.array(stamps, np.int64), np.array(poses).reshape(-1, 4, 4))
 
 
+def by_stamp(poses: Trajectory) -> Trajectory:
+    """The poses in the order of their stamps; those of one stamp keep theirs."""
+    order = np.argsort(poses.stamps_ns, kind="stable")
+    return Trajectory(poses.stamps_ns[order], poses.T_world_cam[order])
+
+
 def read_estimate(path: Path | str) -> Trajectory:
     """Reads the poses that another program wrote, in TUM format.
 
@@ -122,8 +128,8 @@ def read_estimate(path: Path | str) -> Trajectory:
         UserError: as of `read_tum`; or a stamp has several poses, so that it is not known which one counts.
     """
     found = read_tum(path)
-    order = np.argsort(found.stamps_ns, kind="stable")
-    stamps_ns, poses = found.stamps_ns[order], found.T_world_cam[order]
+    in_order = by_stamp(found)
+    stamps_ns, poses = in_order.stamps_ns, in_order.T_world_cam
     differs = (poses[1:] != poses[:-1]).any(axis=(1, 2))
     twice = np.flatnonzero((stamps_ns[1:] == stamps_ns[:-1]) & differs)
     if len(twice):

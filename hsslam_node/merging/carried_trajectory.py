@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.se3_batch import inverse_batch
-from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.geometry.trajectory import Trajectory, by_stamp
 
 
 def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajectory:
@@ -29,9 +29,3 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """The poses of both in the order of their stamps."""
     stamps_ns = np.concatenate([first.stamps_ns, second.stamps_ns])
     return by_stamp(Trajectory(stamps_ns, np.concatenate([first.T_world_cam, second.T_world_cam])))
-
-
-def by_stamp(poses: Trajectory) -> Trajectory:
-    """The poses in the order of their stamps; those of one stamp keep theirs."""
-    order = np.argsort(poses.stamps_ns, kind="stable")
-    return Trajectory(poses.stamps_ns[order], poses.T_world_cam[order])

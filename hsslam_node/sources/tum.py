@@ -9,7 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.trajectory import Trajectory, associate, format_stamp, read_tum
+from hsslam_node.geometry.trajectory import Trajectory, associate, by_stamp, format_stamp, read_tum
 from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
 from hsslam_node.sources.files.camera_file import read_tum_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
@@ -150,9 +150,7 @@ def tum_truth(name: str, options: SourceOptions) -> Truth | None:
     path = folder.path / "groundtruth.txt"
     if not path.exists():
         return None
-    truth = read_tum(path)
-    order = np.argsort(truth.stamps_ns, kind="stable")
-    truth = Trajectory(truth.stamps_ns[order], truth.T_world_cam[order])
+    truth = by_stamp(read_tum(path))
     rows = options.selected(len(folder.pairs))
     frames = np.array([stamp_ns for stamp_ns, _, _ in folder.pairs], np.int64)
     played = sorted(set(rows))  # repeated frames have one pose

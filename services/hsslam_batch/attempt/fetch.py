@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_batch.plan.batch import read_batch
-from hsslam_batch.plan.find_logs import log_files
-from hsslam_batch.plan.listing import FileStamp
+from hsslam_batch.plan.find_logs import planned_files
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.remote_listing import asked_listing, open_store
 from hsslam_batch.plan.tried import tried
@@ -60,9 +59,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder):
         listing = asked_listing(log.place)
-        files = log_files(listing, listing.alone, log.kind)
-        if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
-            raise UserError(f"{log.place}: has changed since the plan: expected the same files")
+        files = planned_files(listing, log)
         _expect_room(folder, log)
         store, _ = open_store(log.place)
         base = folder if listing.alone else fetched_place(folder, log)

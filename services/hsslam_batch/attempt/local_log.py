@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from hsslam_batch.plan.find_logs import log_files
-from hsslam_batch.plan.listing import FileStamp, list_folder
+from hsslam_batch.plan.find_logs import planned_files
+from hsslam_batch.plan.listing import list_folder
 from hsslam_batch.plan.log import Log
-from hsslam_node.errors import UserError
 
 
 def expect_unchanged(log: Log, out: Path) -> None:
@@ -19,9 +18,4 @@ def expect_unchanged(log: Log, out: Path) -> None:
     """
     if not log.frames or not Path(log.place).exists():
         return
-    listing = list_folder(Path(log.place), str(out))
-    files = log_files(listing, listing.alone, log.kind)
-    if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
-        raise UserError(
-            f"{log.place}: has changed since the plan: expected the same files, or hsslam-batch plan again"
-        )
+    planned_files(list_folder(Path(log.place), str(out)), log)

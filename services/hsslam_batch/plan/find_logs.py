@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
-from hsslam_batch.plan.listing import ListedPath, Listing
+from hsslam_batch.plan.listing import FileStamp, ListedPath, Listing
 from hsslam_batch.plan.log import Log, log_id
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
@@ -71,6 +71,20 @@ def log_files(listing: Listing, path: str, kind: str) -> list[str]:
         return list(listing.below(path))
     folder = f"{path}/" if path else ""
     return [folder + name for name in listing.names(path) if is_part(name)]
+
+
+def planned_files(listing: Listing, log: Log) -> list[str]:
+    """The files of a log in a listing of its place.
+
+    Raises:
+        UserError: they have changed since the plan.
+    """
+    files = log_files(listing, listing.alone, log.kind)
+    if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
+        raise UserError(
+            f"{log.place}: has changed since the plan: expected the same files, or hsslam-batch plan again"
+        )
+    return files
 
 
 def with_frames(logs: Iterable[Log], options: SourceOptions) -> Iterator[Log]:

@@ -4,6 +4,7 @@ import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.shared_pages import held_bytes
@@ -14,6 +15,12 @@ _FEWEST = 12  # keyframes, even if the budget is smaller
 _SCARCE = 0.7  # share of the limit at which the notice is sent
 _LOOK_EVERY = 8  # calls between measurements of the arena
 _PIXELS = ("keyframe_color.", "keyframe_depth.")  # prefixes of arrays
+
+
+class _Room(NamedTuple):
+    limit: str  # name of the tightest limit
+    keyframes: int  # that fit; below 0 if the run exceeds the limit without any
+    others_mb: int  # memory of the run without the pixels of keyframes
 
 
 class MemoryBudget:
@@ -32,34 +39,33 @@ class MemoryBudget:
         self._bytes_beside = bytes_beside
         self._calls = 0
         self._is_reported = self._is_short = False
-        self._limit = ""  # name of the tightest limit
-        self._room = 0  # keyframes that fit, may be negative
-        self._others_mb = 0  # memory of the run without the pixels of keyframes
+        self._room = _Room("", 0, 0)
 
     def apply(self, store: KeyframeStore) -> str | None:
         """Set the store's limit by the memory; returns a notice for the user, or None."""
         fewest = min(_FEWEST, store.capacity)
         if self._calls % _LOOK_EVERY == 0:
-            self._measure(store)
-            store.allow(max(self._room, fewest))
+            self._room = self._measured(store)
+            store.allow(max(self._room.keyframes, fewest))
         self._calls += 1
-        if self._room < fewest and not self._is_short:
+        limit, room, others_mb = self._room
+        if room < fewest and not self._is_short:
             self._is_reported = self._is_short = True
             return (
-                f"{self._limit} is too little: the map and others take {self._others_mb} MB, which leaves "
-                f"room for {max(self._room, 0)} keyframes: the run keeps {fewest} and exceeds the limit, and "
-                "the mesh loses what the others showed"
+                f"{limit} is too little: map, poses and zenoh take {others_mb} MB, which leaves room for "
+                f"{max(room, 0)} keyframes: the run keeps {fewest} and exceeds the limit, and the mesh loses "
+                "what the other keyframes showed"
             )
         kept, most = len(store.kept()), store.most_kept
         if self._is_reported or kept < _SCARCE * most:
             return None
         self._is_reported = True
         return (
-            f"the run keeps {kept} keyframes; there is room for {most} ({self._limit}): from now on the "
+            f"the run keeps {kept} keyframes; there is room for {most} ({limit}): from now on the "
             "mapper removes redundant keyframes"
         )
 
-    def _measure(self, store: KeyframeStore) -> None:
+    def _measured(self, store: KeyframeStore) -> _Room:
         files = _files(self._folder)
         pixels = held_bytes(file for name, file in files.items() if name.startswith(_PIXELS))
         others = held_bytes(files.values()) - pixels + self._bytes_beside()
@@ -70,9 +76,8 @@ class MemoryBudget:
             f"{self._folder.parent} of {total / 1e6:.0f} MB": pixels + free - _LEFT_FREE * total,
             "keyframes.capacity": store.capacity * store.pixel_bytes,
         }
-        self._limit = min(limits, key=limits.__getitem__)
-        self._room = int(limits[self._limit]) // store.pixel_bytes
-        self._others_mb = round(others / 1e6)
+        limit = min(limits, key=limits.__getitem__)
+        return _Room(limit, int(limits[limit]) // store.pixel_bytes, round(others / 1e6))
 
 
 def _files(folder: Path) -> dict[str, os.stat_result]:

@@ -27,7 +27,8 @@ _FROM = f"{_SHARED}/transport_optimization/message_size_threshold"
 _LEAST_POOL_BYTES = 2**20
 _LARGE_BYTES = 65_536  # frames and meshes; smaller messages are cheaper on the socket
 _NEVER = 2**40
-_NOBODY = "@hsslam/nobody"  # a chunk that begins with @ matches no wildcard
+# No subscriber gets a message with this key: wildcards do not match a part that begins with @.
+_NOBODY = "@hsslam/nobody"
 _ALL_POOLS_BYTES = 16 * POOL_BYTES  # of all senders that a process may receive from
 _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
 _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not apply

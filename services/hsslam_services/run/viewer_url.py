@@ -24,8 +24,10 @@ def viewer_url(viewer: str) -> str:
     url = f"rerun+http://{address}/proxy" if is_short else address
     try:
         parts = urlsplit(url)
-        is_usable = parts.scheme in _SCHEMES and parts.path == "/proxy" and bool(parts.hostname)
-        is_usable &= parts.port != 0 and not (is_short and parts.port is None)
+        has_port = parts.port != 0 and not (is_short and parts.port is None)
+        is_usable = (
+            parts.scheme in _SCHEMES and parts.hostname and has_port and parts.path == "/proxy"
+        )
     except ValueError:  # of the port, or of a bracket
         is_usable = False
     if not is_usable or any(letter.isspace() for letter in url):

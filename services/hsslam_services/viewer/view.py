@@ -4,7 +4,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, on_one_line
 from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
 from hsslam_services.run.viewer_url import viewer_url
@@ -34,16 +34,17 @@ class RerunView:
         memory_gb: float | None = None,
     ) -> None:
         self._process: ViewerProcess | None = None
-        live = None
-        try:
-            live = None if viewer == "none" else self._open_viewer(viewer, memory_gb)
-        except UserError as error:  # the log matters more
-            report("warning", f"{error}: the run goes on without a viewer")
         self._rrd = rrd
         self._threads = [Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
-        if live is not None:
-            watch = ViewerWatch(viewer, report, self._process)
-            self._threads.append(Drawing(live, recording_id, _LIVE, report, watch))
+        if viewer == "none":
+            return
+        try:
+            live = self._open_viewer(viewer, memory_gb)
+        except UserError as error:  # the log matters more
+            report("warning", f"{error}: the run goes on without a viewer")
+            return
+        watch = ViewerWatch(viewer, report, self._process)
+        self._threads.append(Drawing(live, recording_id, _LIVE, report, watch))
 
     @property
     def dropped(self) -> int:
@@ -86,4 +87,4 @@ class RerunView:
         try:
             return rr.GrpcSink(viewer_url(viewer))
         except (RuntimeError, ValueError) as error:
-            raise UserError(f"--viewer {viewer}: {' '.join(str(error).split())}") from None
+            raise UserError(f"--viewer {viewer}: {on_one_line(str(error))}") from None

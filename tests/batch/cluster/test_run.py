@@ -32,6 +32,7 @@ from tests.batch.cluster.runs_of_batch import (
 )
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.quick_options import QUICK
+from tests.caught_signals import catches
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 
@@ -116,18 +117,11 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
 
 def test_a_stop_while_ray_starts_begins_no_log(batch: Batch):
     run = start(batch)
-    wait(lambda: _hears(run.pid, signal.SIGTERM) or run.poll() is not None)
+    wait(lambda: catches(run.pid, signal.SIGTERM) or run.poll() is not None)
     run.send_signal(signal.SIGTERM)
     said = end(run)
     assert run.returncode == 1 and "Traceback" not in said, said
     assert nothing_left(batch) and not (batch.out / "runs").exists()
-
-
-def _hears(pid: int, number: signal.Signals) -> bool:
-    """Whether the process has a handler of this signal."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
-    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
 
 
 def test_logs_and_results_in_a_store_that_fails_now_and_then(

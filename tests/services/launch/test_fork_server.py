@@ -5,7 +5,6 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import psutil
 import pytest
@@ -15,6 +14,7 @@ from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.spawn import Process
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
+from tests.caught_signals import catches
 from tests.services.conftest import run_maker
 
 _SAMPLE = "tests.services.sample_worker"
@@ -65,9 +65,7 @@ def _is_ready(process: Process) -> bool:
     """Born, and in its loop: the sample hears when it is to end then."""
     if process.poll() is not None or process.pid is None:
         return False
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
-    return bool(int(caught.split()[1], 16) >> (END_SIGNAL - 1) & 1)
+    return catches(process.pid, END_SIGNAL)
 
 
 def test_a_forked_process_is_a_child_with_a_name_a_session_and_a_log(

@@ -11,9 +11,9 @@ from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_log
-from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.geometry.trajectory import Trajectory, by_stamp, read_tum, write_tum
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.merging.carried_trajectory import by_stamp, carried, joined
+from hsslam_node.merging.carried_trajectory import carried, joined
 from hsslam_node.merging.merge_maps import JoinedMap, merge_maps
 from hsslam_node.merging.order_of_time import in_order_of_time
 from hsslam_services.artefacts.mesh_file import mesh_section, save_mesh
