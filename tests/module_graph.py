@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from tests.repository import ROOT
@@ -23,9 +24,15 @@ MODULES = _modules()
 """Every module of ours with its file."""
 
 
-def imports(path: Path) -> Iterator[str]:
-    """Modules of ours that a module imports, also those inside functions."""
-    for node in ast.walk(ast.parse(path.read_text())):
+@cache
+def tree(module: str) -> ast.Module:
+    """The syntax tree of a module of ours."""
+    return ast.parse(MODULES[module].read_text())
+
+
+def imports(module: str) -> Iterator[str]:
+    """What a module of ours imports, also inside functions."""
+    for node in ast.walk(tree(module)):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"

@@ -3,11 +3,12 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tests.module_graph import MODULES, imports
+from tests.module_graph import MODULES, imports, tree
 from tests.repository import ROOT
 
 # A module may import its own folder and folders of lines above its own.
@@ -37,12 +38,15 @@ def _folder(module: str) -> str | None:
     return next((f for k in (1, 2) if (f := ".".join(parts[:k])) in _LEVEL), None)
 
 
-_ARROWS = [
-    (module, target)
-    for module, path in MODULES.items()
-    for target in imports(path)
-    if target in MODULES and target != module
-]
+@cache
+def _arrows() -> list[tuple[str, str]]:
+    """Each module of ours with each other one that it imports."""
+    return [
+        (module, target)
+        for module in MODULES
+        for target in imports(module)
+        if target in MODULES and target != module
+    ]
 
 
 # The lists of all commands name the bench's by strings, which are imported only if one is asked for.
@@ -62,7 +66,7 @@ def test_the_product_does_not_name_the_bench():
 
 def test_no_import_goes_up_or_sideways():
     wrong = []
-    for module, target in _ARROWS:
+    for module, target in _arrows():
         above, below = _folder(module), _folder(target)
         if above is None or below is None or above == below:
             continue
@@ -77,7 +81,7 @@ def test_no_import_goes_up_or_sideways():
 )
 def test_folders_import_each_other_without_circles(package: str):
     arrows: dict[str, set[str]] = defaultdict(set)
-    for module, target in _ARROWS:
+    for module, target in _arrows():
         pair = [_folder_path(name) for name in (module, target)]
         if all(name.startswith(package) for name in pair) and pair[0] != pair[1]:
             arrows[pair[0]].add(pair[1])
@@ -86,7 +90,7 @@ def test_folders_import_each_other_without_circles(package: str):
 
 def test_modules_import_each_other_without_circles():
     arrows: dict[str, set[str]] = defaultdict(set)
-    for module, target in _ARROWS:
+    for module, target in _arrows():
         arrows[module].add(target)
     assert not _circle(arrows)
 
@@ -99,7 +103,7 @@ def test_a_folder_has_at_most_15_modules():
 
 
 def test_every_folder_and_module_says_what_it_is():
-    silent = [m for m, path in MODULES.items() if len(_first_line(path)) < 10]
+    silent = [m for m in MODULES if len(_first_line(m)) < 10]
     assert not silent
 
 
@@ -107,7 +111,7 @@ def test_a_short_file_says_why_it_stands_alone():
     short = [m for m, p in MODULES.items() if len(p.read_text().splitlines()) < _SHORT_LINES]
     modules = [m for m in short if MODULES[m].name != "__init__.py"]
     reasons = ("of its own", "apart", "alone")
-    assert not [m for m in modules if not any(r in _first_line(MODULES[m]) for r in reasons)]
+    assert not [m for m in modules if not any(r in _first_line(m) for r in reasons)]
 
 
 def _folder_path(module: str) -> str:
@@ -117,8 +121,8 @@ def _folder_path(module: str) -> str:
     return module if is_alone else module.rpartition(".")[0]
 
 
-def _first_line(path: Path) -> str:
-    return (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0]
+def _first_line(module: str) -> str:
+    return (ast.get_docstring(tree(module)) or "").partition("\n")[0]
 
 
 def _circle(arrows: dict[str, set[str]]) -> list[str]:

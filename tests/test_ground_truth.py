@@ -9,7 +9,7 @@ import pytest
 
 from hsslam_services.run import source_plugins
 from hsslam_services.run.source_table import ALL_SOURCES
-from tests.module_graph import MODULES, imports
+from tests.module_graph import MODULES, imports, tree
 
 _PROCESSES = tuple(
     f"hsslam_services.processes.{name}" for name in ("camera", "tracker", "mapper", "global_ba")
@@ -31,11 +31,6 @@ def _reached(module: str) -> dict[str, str]:
 
 
 @cache
-def _tree(module: str) -> ast.Module:
-    return ast.parse(MODULES[module].read_text())
-
-
-@cache
 def _targets(module: str) -> tuple[str, ...]:
     return tuple(_named(module))
 
@@ -43,13 +38,13 @@ def _targets(module: str) -> tuple[str, ...]:
 def _named(module: str) -> Iterator[str]:
     """What it imports by statement, or by an import path such as `hsslam_node.sources.tum:TumSource`, or as
     the plugins that are installed."""
-    yield from imports(MODULES[module])
+    yield from imports(module)
     if module == source_plugins.__name__:
         yield from (point.module for point in entry_points(group=source_plugins.GROUP))
-    tree = _tree(module)
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    nodes = list(ast.walk(tree(module)))
+    calls = [node for node in nodes if isinstance(node, ast.Call)]
     of_truth = {id(word.value) for call in calls for word in call.keywords if word.arg == _TRUTH}
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             name, colon, _ = node.value.partition(":")
             if colon and id(node) not in of_truth:
@@ -65,7 +60,7 @@ def _with_packages(module: str) -> Iterator[str]:
 
 def _uses_of_truth(module: str) -> Iterator[str]:
     """Readers of the truth that a module calls, passes on or imports, or finds in a row of sources."""
-    for node in ast.walk(_tree(module)):
+    for node in ast.walk(tree(module)):
         if isinstance(node, ast.Attribute) and node.attr in {_TRUTH, *_READERS}:
             yield node.attr
         elif isinstance(node, ast.Name) and node.id in _READERS:

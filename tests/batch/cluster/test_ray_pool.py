@@ -1,5 +1,6 @@
 """Tasks on a real Ray cluster: what is killed is told as lost, what is left goes on elsewhere."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -64,13 +65,14 @@ def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, t
         assert pool.slots() == 2
         drive(map(Try, range(6)), pool, judge, lambda: False, look)
         assert pool.running() == {}
-    lost = {one.index: result for one, result in results if result.is_lost}
-    assert {1, 2} <= set(lost)  # and perhaps one that was just sent to the node
+    lost = {(one.index, one.attempt): result for one, result in results if result.is_lost}
+    assert {(1, 1), (2, 1)} <= set(lost)  # and perhaps one that was just sent to the node
     assert all("died" in result.trouble for result in lost.values())
+    losses = Counter(index for index, _ in lost)
     done = [(one.index, one.attempt) for one, result in results if result.outcome]
-    assert sorted(done) == [(index, 2 if index in lost else 1) for index in range(6)]
+    assert sorted(done) == [(index, 1 + losses[index]) for index in range(6)]
     for index in (1, 2):
-        assert lost[index].node_id == (tmp_path / f"{index}.1").read_text()
+        assert lost[index, 1].node_id == (tmp_path / f"{index}.1").read_text()
     assert (tmp_path / "2.1").read_text() != (tmp_path / "2.2").read_text()  # its node is gone
 
 

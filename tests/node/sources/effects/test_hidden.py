@@ -9,6 +9,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.kernels.cache_folder import cache_root
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
@@ -99,6 +100,7 @@ def _recording(folder: Path, distortion: tuple[float, ...] = ()) -> Path:
 
 
 def test_a_mask_may_lie_below_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache_root().parent))  # it has the kernels
     monkeypatch.setenv("HOME", str(tmp_path))
     _mask(tmp_path / "mask.png")
     assert not _first(mask="~/mask.png").depth_raw[48:].any()
