@@ -92,7 +92,7 @@ def sample_surface(
         points.append(drawn[seen])
         faces.append(rows[seen])
         found += int(seen.sum())
-        if found >= count:
+        if found >= count or not found:
             break
     return SurfaceSamples(np.concatenate(points)[:count], np.concatenate(faces)[:count])
 

@@ -117,10 +117,10 @@ def _splat(uv: np.ndarray, z: np.ndarray, colors: np.ndarray) -> np.ndarray:
     image = np.full((_PANEL_PX, _PANEL_PX, 3), _BACKGROUND, np.uint8)
     pixel = np.floor(uv).astype(int)
     keep = (pixel >= 1).all(axis=1) & (pixel < _PANEL_PX - 1).all(axis=1) & (z > 0)
-    order = np.argsort(-z[keep], kind="stable")  # the last write wins
-    u, v = pixel[keep][order].T
+    order = np.flatnonzero(keep)[np.argsort(-z[keep], kind="stable")]  # the last write wins
+    (u, v), colors = pixel[order].T, colors[order]
     for right, down in np.ndindex(3, 3):  # each point covers nine pixels
-        image[v + down - 1, u + right - 1] = colors[keep][order]
+        image[v + down - 1, u + right - 1] = colors
     return image
 
 
