@@ -185,7 +185,7 @@ class Tracker:
         self._choose_next_reference(seen, alignment, T, new)
         is_back = self._reckoned.is_on and motion.lost_frames == 0
         T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
-        is_carried = self._search.is_at_place or (self._reckoned.is_on and T_expected is None)
+        is_known = T_expected is not None or not (self._search.is_at_place or self._reckoned.is_on)
         motion.aligned(frame, T, k, T_keyframe_cam)
         covariance = doubt.in_world()
         is_joined = new is not None or seen.localise_only
@@ -197,7 +197,7 @@ class Tracker:
             residual_m=alignment.sdf_rms_m, map_version=seen.map_version,
             is_keyframe=new is not None, outside=alignment.outside, pose_version=version,
             covariance=covariance, imu_disagrees=motion.imu_disagrees, T_expected=T_expected,
-            is_carried=is_carried,
+            is_carried=not is_known,
         )  # fmt: skip
 
     def _choose_next_reference(

@@ -84,6 +84,24 @@ def test_odometry_is_believed_up_to_a_distance():
     assert [r.frame_index for r in results if r.is_carried] == [24]  # the first that sees again
 
 
+def test_odometry_is_the_way_through_a_gap_also_if_the_camera_is_found_by_a_place():
+    """Else the final trajectory keeps the error of the gap as a jump."""
+    wheels, T_start = _wheels(), _wheels()[11].T_odom_cam
+    far = []
+    for wheel in wheels:
+        T = wheel.T_odom_cam.copy()
+        T[:3, 3] = T_start[:3, 3] + 3 * (T[:3, 3] - T_start[:3, 3])
+        far.append(OdometryReading.at(T, wheel.covariance))
+    _, results = _tracked(_frames(far, range(12, 26)))
+    statuses = [r.status for r in results]
+    again = statuses.index("tracked", 12)
+    assert again > 26 and set(statuses[12:again]) == {"dead_reckoned"}
+    back = results[again]
+    assert pose_error(back.T_world_cam, room_poses()[again])[0] < 0.02
+    assert back.T_expected is not None and not any(r.is_carried for r in results)
+    assert pose_error(back.T_expected, back.T_world_cam)[0] > 0.1
+
+
 def test_noise_of_odometry_does_not_pull_what_the_camera_sees():
     alone, with_wheels, with_poor = (
         _off_m(_tracked(_frames(odometry, covered=()))[1])
