@@ -1,7 +1,6 @@
 """IMU samples, integrated and read at the stamps of frames."""
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import ImuReading
+from hsslam_node.sensor_watch import SensorWatch
 
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
@@ -39,18 +39,18 @@ class ImuTrack:
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
-        clock_set_back: called with the seconds by which stamps went back, each time they do.
+        watch: notices faults of the samples.
     """
 
     def __init__(
         self,
         T_cam_imu: np.ndarray | None = None,
-        clock_set_back: Callable[[float], None] = lambda _: None,
+        watch: SensorWatch | None = None,
     ) -> None:
         T = np.eye(4) if T_cam_imu is None else T_cam_imu
         self._R_cam_imu = T[:3, :3]
         self._lever_m = T[:3, 3]
-        self._clock_set_back = clock_set_back
+        self._watch = SensorWatch() if watch is None else watch
         self._newest_series: int | None = None
         self._states: deque[_State] = deque(maxlen=_KEPT)
 
@@ -75,7 +75,7 @@ class ImuTrack:
             return False
         if back_s > _STEP_BACK_S:
             self._states.clear()
-            self._clock_set_back(back_s)
+            self._watch.clock_set_back(back_s)
             newest = None
         turn_rate, force = self._R_cam_imu @ angular_velocity, self._R_cam_imu @ acceleration
         if newest is None or stamp_ns - newest.stamp_ns > _LONGEST_NS:
@@ -93,6 +93,12 @@ class ImuTrack:
 
     def at(self, stamp_ns: int) -> ImuReading | None:
         """The integrals up to this stamp, for the camera's centre; None without samples near it."""
+        reading = self._at(stamp_ns)
+        newest_ns = self._states[-1].stamp_ns if self._states else None
+        self._watch.asked(stamp_ns, newest_ns, is_known=reading is not None)
+        return reading
+
+    def _at(self, stamp_ns: int) -> ImuReading | None:
         after = None
         for state in reversed(self._states):
             if state.stamp_ns <= stamp_ns:

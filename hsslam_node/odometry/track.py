@@ -2,7 +2,6 @@
 
 import secrets
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 
@@ -13,6 +12,7 @@ from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 from hsslam_node.odometry.reading import OdometryReading
+from hsslam_node.sensor_watch import SensorWatch
 
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading across a longer gap
@@ -44,18 +44,18 @@ class OdometryTrack:
     Args:
         T_base_cam: [4, 4] the camera on the base.
         noise: standard deviation after 1 m (m) and after 1 rad (rad).
-        clock_set_back: called with the seconds by which stamps went back, each time they do.
+        watch: notices faults of the poses.
     """
 
     def __init__(
         self,
         T_base_cam: np.ndarray,
         noise: float = USUAL_NOISE,
-        clock_set_back: Callable[[float], None] = lambda _: None,
+        watch: SensorWatch | None = None,
     ) -> None:
         self._T_base_cam = T_base_cam
         self._noise = noise
-        self._clock_set_back = clock_set_back
+        self._watch = SensorWatch() if watch is None else watch
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
         self._base_covariance = np.zeros((6, 6))  # covariance given with the newest pose
         self._series = secrets.randbits(62)
@@ -84,12 +84,13 @@ class OdometryTrack:
             unknown = self._poses[-1].covariance + of_jump()
             self._poses.clear()
             self._poses.append(_Pose(stamp_ns, T, unknown))
-            self._clock_set_back(back_s)
+            self._watch.clock_set_back(back_s)
         elif back_s >= 0:
             return False
         else:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
             jumps = self._jumps(stamp_ns, T)
+            self._watch.moved(is_jump=jumps)
             doubt = of_jump() if jumps else growth(self._poses[-1].T_odom_cam, T, self._noise)
             doubt = doubt + carried(increase(self._base_covariance, base_covariance), lever_m)
             self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, jumps))
@@ -98,6 +99,12 @@ class OdometryTrack:
 
     def at(self, stamp_ns: int) -> OdometryReading | None:
         """The pose of the camera at this stamp; None if odometry has no poses near it."""
+        reading = self._at(stamp_ns)
+        newest_ns = self._poses[-1].stamp_ns if self._poses else None
+        self._watch.asked(stamp_ns, newest_ns, is_known=reading is not None)
+        return reading
+
+    def _at(self, stamp_ns: int) -> OdometryReading | None:
         before, after = None, None
         for pose in reversed(self._poses):
             if pose.stamp_ns <= stamp_ns:

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.source import Source
 
 _MOST_WAITING = 1000
@@ -15,12 +16,6 @@ class Report:
 
     kind: str
     text: str
-
-    @classmethod
-    def clock_set_back(cls, topic: str, seconds: float) -> "Report":
-        """Stamps of a sensor's messages went back, and not because messages changed order."""
-        kind = f"{topic}: clock set back"
-        return cls(kind, f"{kind} by {seconds:.1f} s: motion is measured from the new time")
 
     @classmethod
     def unusable(cls, topic: str, error: Exception) -> "Report":
@@ -43,9 +38,33 @@ class Reports:
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
 
-def clock_watch(topic: str, tell: Callable[[Report], None]) -> Callable[[float], None]:
-    """A callback for a track, with the seconds that stamps of this topic went back; `tell` gets a report."""
-    return lambda seconds: tell(Report.clock_set_back(topic, seconds))
+class ReportedSensor(SensorWatch):
+    """Reports faults of the messages of a topic."""
+
+    def __init__(self, topic: str, tell: Callable[[Report], None]) -> None:
+        super().__init__()
+        self._topic = topic
+        self._tell = tell
+
+    def clock_set_back(self, seconds: float) -> None:
+        self._report("clock set back", f" by {seconds:.1f} s: motion is measured from the new time")
+
+    def not_near(self, frames: int, ahead_s: float) -> None:
+        where = f"{abs(ahead_s):.2f} s {'after' if ahead_s > 0 else 'before'} the frame"
+        self._report(
+            "no message near the frames",
+            f": {frames} frames in a row, the newest message is {where}; expected stamps of the same clock",
+        )
+
+    def jumps(self, count: int, motions: int) -> None:
+        self._report(
+            "too fast for a robot",
+            f": {count} of {motions} motions count as jumps; expected metres and radians",
+        )
+
+    def _report(self, fault: str, text: str) -> None:
+        kind = f"{self._topic}: {fault}"
+        self._tell(Report(kind, kind + text))
 
 
 def reports_of(source: Source) -> Reports:

@@ -7,10 +7,15 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.pose_covariance import carried, in_world, turned
 from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.odometry.agreement import OdometryAgreement
 from hsslam_node.odometry.reading import Motion, MotionSince, OdometryReading
 from hsslam_node.tracking.alignment.align import Alignment
 
 _SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: 2 sigma are the limits of `is_confirmed`
+_COMPARED_M, _COMPARED_RAD = (
+    0.1,
+    0.1,
+)  # standard deviations: a less sure motion is no motion to compare
 _FARTHEST = 25.0  # squared Mahalanobis distance of 6 numbers: one in 3000 is beyond
 
 
@@ -65,11 +70,22 @@ class DeadReckoning:
 
     def __init__(self) -> None:
         self._since = MotionSince()  # since the last aligned frame
+        self._agreement = OdometryAgreement()
         self._last_covariance = np.zeros((6, 6))  # of T_world_cam of the last aligned frame
         self._gap = np.zeros((6, 6))  # `gap_at` of the last aligned frame
         self._newest: Reckoning | None = None  # of the dead-reckoned frames since then
         self.unaligned_frames = 0  # dead-reckoned frames with depth since then
         self.is_open = False  # whether no keyframe has come since the last dead-reckoned frame
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether odometry moves unlike the camera."""
+        return self._agreement.is_known and not self._agreement.holds
+
+    def compare(self, reckoning: Reckoning | None, T_last_cam: np.ndarray, seconds: float) -> None:
+        """Compare odometry with the motion [4, 4] of an aligned frame since the aligned frame before it."""
+        if reckoning is not None and reckoning.motion.is_surer_than(_COMPARED_M, _COMPARED_RAD):
+            self._agreement.compare(reckoning.motion.T_from_to, T_last_cam, seconds)
 
     @property
     def is_on(self) -> bool:

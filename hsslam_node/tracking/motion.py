@@ -59,6 +59,11 @@ class CameraMotion:
         """Whether the IMU rotates unlike the camera, so that it is not used."""
         return self._inertial.disagrees
 
+    @property
+    def implausible_gravity(self) -> float:
+        """Length of gravity by the IMU in m/s^2, if that excludes it; 0: it does not, or is not known."""
+        return self._inertial.implausible_gravity
+
     def take(self, frame: Frame) -> None:
         """Take the IMU reading of the frame that is aligned next; may be called twice for a frame."""
         self._inertial.take(frame.imu)

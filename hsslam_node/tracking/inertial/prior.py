@@ -8,6 +8,8 @@ from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.inertial.turn_agreement import TurnAgreement
 
+_SURE_WINDOWS = 5  # of about a second, before a length of gravity is called wrong
+
 
 class InertialPrior:
     """Learns gyroscope bias and gravity from aligned frames, and gives predictions the IMU's rotation.
@@ -28,6 +30,7 @@ class InertialPrior:
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
         self._has_noted = False  # whether it has written gravity to the store
+        self.implausible_gravity = 0.0  # m/s^2, measured length that is not that of gravity
         self._is_current = False  # whether the frame that is tracked now has a reading
 
     @property
@@ -86,7 +89,11 @@ class InertialPrior:
     def _learn_gravity(self) -> None:
         R_world_keyframe = self._store.poses_of(self._windows.keyframes)[:, :3, :3]
         fit = self._windows.fit(R_world_keyframe)
-        gravity = None if fit is None else fit.gravity
+        if fit is None:
+            return
+        is_wrong = not fit.is_plausible and len(self._windows) >= _SURE_WINDOWS
+        self.implausible_gravity = float(np.linalg.norm(fit.up)) if is_wrong else 0.0
+        gravity = fit.gravity
         if gravity is None:
             return
         known = self._store.world_frame.gravity

@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
-from hsslam_node.sources.reports import Report, clock_watch
+from hsslam_node.sources.reports import Report, ReportedSensor
 from hsslam_proto.messages import ImuSamples
 from hsslam_services.bus.subscription import Subscription
 
@@ -19,7 +19,7 @@ class ImuInlet:
 
     Args:
         camera_T_imu: numbers of `--camera-T-imu`.
-        tell: gets a report of each sample that is no reading, and each time the clock was set back.
+        tell: gets a report of each sample that is no reading, and of faults of the stamps.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class ImuInlet:
         self._messages, self._tell = messages, tell
         self._track = ImuTrack(
             mounting("--camera-T-imu", camera_T_imu),
-            clock_watch(messages.topic.name, tell),
+            ReportedSensor(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

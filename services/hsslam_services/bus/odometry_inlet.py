@@ -7,7 +7,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_node.sources.reports import Report, clock_watch
+from hsslam_node.sources.reports import Report, ReportedSensor
 from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.subscription import Subscription
@@ -19,7 +19,7 @@ class OdometryInlet:
     Args:
         base_T_camera: numbers of `--base-T-camera`.
         noise: as in `OdometryTrack`.
-        tell: gets a report of each message that is no reading, and each time the clock was set back.
+        tell: gets a report of each message that is no reading, and of faults of the stamps.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class OdometryInlet:
         self._track = OdometryTrack(
             RobotFrames.mounted(base_T_camera).T_base_cam,
             noise,
-            clock_watch(messages.topic.name, tell),
+            ReportedSensor(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

@@ -1,6 +1,6 @@
 """Sensors beside a ROS 2 camera: odometry, an IMU, and the IMU's mounting from `/tf_static`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,10 @@ import zenoh.ext
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.reports import Report, Reports, clock_watch
+from hsslam_node.sources.reports import Report, ReportedSensor, Reports
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
@@ -58,7 +59,7 @@ class Ros2Sensors:
             )
         self._sensors = [
             _Sensor(
-                *(option, topic, kind, make(options, clock_watch(topic, reports.add))),
+                *(option, topic, kind, make(options, ReportedSensor(topic, reports.add))),
                 session.declare_subscriber(
                     topic_keys(ros2.domain, topic), zenoh.handlers.RingChannel(_RING)
                 ),
@@ -99,8 +100,8 @@ class Ros2Sensors:
         self.problem = f"; {topic}: {error}"
         self._reports.add(Report.unusable(topic, error))
 
-    def _imu(self, options: SourceOptions, clock_set_back: Callable[[float], None]) -> RosImu:
-        return RosImu(options, self._mounted_at, clock_set_back)
+    def _imu(self, options: SourceOptions, watch: SensorWatch) -> RosImu:
+        return RosImu(options, self._mounted_at, watch)
 
     def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
         """T_camera_imu, [4, 4], from `/tf_static`; None if not known."""

@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
+from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 
@@ -25,18 +26,18 @@ class RosImu:
 
     Args:
         mounted_at: returns T_camera_imu, [4, 4], of an IMU with this frame_id; None: unknown.
-        clock_set_back: called with the jump in seconds each time that stamps go back.
+        watch: notices faults of the messages.
     """
 
     def __init__(
         self,
         options: SourceOptions,
         mounted_at: Callable[[str], np.ndarray | None] = lambda _: None,
-        clock_set_back: Callable[[float], None] = lambda _: None,
+        watch: SensorWatch | None = None,
     ) -> None:
-        self._clock_set_back = clock_set_back
+        self._watch = watch
         T_camera_imu = mounting("--camera-T-imu", options.camera_T_imu)
-        self._track = ImuTrack(T_camera_imu, clock_set_back)
+        self._track = ImuTrack(T_camera_imu, watch)
         self._is_mounted = bool(options.camera_T_imu)
         self._mounted_at = mounted_at
         self.has_any = False
@@ -73,7 +74,7 @@ class RosImu:
             return
         T_camera_imu = self._mounted_at(frame_id)
         if T_camera_imu is not None:
-            self._track = ImuTrack(T_camera_imu, self._clock_set_back)
+            self._track = ImuTrack(T_camera_imu, self._watch)
             self._is_mounted = True
 
     def given(self, frame: Frame) -> Frame:

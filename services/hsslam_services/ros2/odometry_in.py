@@ -1,6 +1,5 @@
 """Reads ROS odometry, `nav_msgs/Odometry`, for the frames of a camera."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.odometry.track import OdometryTrack
+from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 
@@ -22,14 +22,12 @@ class RosOdometry:
     """Takes odometry messages in order, and adds odometry to each frame at its stamp.
 
     The messages are poses of `base_link`; `--base-T-camera` is the pose of the camera in it.
-    `clock_set_back` is called with the jump in seconds each time that stamps go back.
+    `watch` notices faults of the messages.
     """
 
-    def __init__(
-        self, options: SourceOptions, clock_set_back: Callable[[float], None] = lambda _: None
-    ) -> None:
+    def __init__(self, options: SourceOptions, watch: SensorWatch | None = None) -> None:
         T_base_cam = RobotFrames.mounted(options.base_T_camera).T_base_cam
-        self._track = OdometryTrack(T_base_cam, options.odometry_noise, clock_set_back)
+        self._track = OdometryTrack(T_base_cam, options.odometry_noise, watch)
         self.has_any = False
 
     def take(self, message: Any, stamp_ns: int | None = None) -> None:

@@ -18,7 +18,8 @@ class TrackingEvents:
         self._link = link
         self._last_status: Status = "initial"
         self._fragment = self._waiting = 0  # newest fragment reported
-        self._imu_disagrees = self._knows_up = False  # reported
+        self._knows_up = False  # reported
+        self._warned: set[str] = set()  # of sensors
         self._heard = -1, -1  # publisher and source_stamp_ns of the frame before
 
     def heard(self, place: Place, source_ns: int) -> None:
@@ -38,6 +39,7 @@ class TrackingEvents:
         self._report_status(result)
         self._report_room()
         self._report_wait(result)
+        self._report_odometry(result)
         self._report_imu(result)
 
     def _count(self, result: TrackResult) -> None:
@@ -87,14 +89,27 @@ class TrackingEvents:
         )
         self._worker.event("info", text)
 
+    def _report_odometry(self, result: TrackResult) -> None:
+        if result.odometry_disagrees:
+            text = (
+                "odometry moves unlike the camera, by more than half of its motion: poses by odometry alone "
+                "are wrong; check --base-T-camera, its unit and its clock"
+            )
+            self._warn_of("odometry", text)
+
     def _report_imu(self, result: TrackResult) -> None:
-        """Report once the direction up, or that the IMU is not used."""
-        if result.imu_disagrees and not self._imu_disagrees:
+        """Report once the direction up, and that the IMU or its accelerations are not used."""
+        if result.imu_disagrees:
             text = (
                 "the IMU is not used: its rotation differs from the camera's; check --camera-T-imu"
             )
-            self._worker.event("warning", text)
-        self._imu_disagrees |= result.imu_disagrees
+            self._warn_of("rotation", text)
+        if result.implausible_gravity:
+            text = (
+                f"the IMU gives no direction up: its gravity is {result.implausible_gravity:.2f} m/s^2: "
+                "expected about 9.81, with gravity, in m/s^2"
+            )
+            self._warn_of("gravity", text)
         store = self._link.store()
         gravity = store.world_frame.gravity if store is not None and not self._knows_up else None
         if gravity is not None:
@@ -102,3 +117,8 @@ class TrackingEvents:
             up = " ".join(f"{part + 0.0:.3f}" for part in gravity.up)
             doubt = f"standard deviation {math.degrees(gravity.sigma_rad):.2f} degrees"
             self._worker.event("info", f"up is {up} by gravity, {doubt}")
+
+    def _warn_of(self, fault: str, text: str) -> None:
+        if fault not in self._warned:
+            self._warned.add(fault)
+            self._worker.event("warning", text)

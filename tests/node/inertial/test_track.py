@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import se3_exp, so3_exp
 from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.inertial.track import ImuTrack
+from hsslam_node.sources.reports import Report, ReportedSensor
 
 _START_NS = 1_700_000_000_000_000_000
 _STEP_NS = 5_000_000
@@ -107,8 +108,8 @@ def test_a_reading_of_other_numbers_is_refused(numbers):
 
 
 def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
-    steps_s: list[float] = []
-    track = ImuTrack(clock_set_back=steps_s.append)
+    told: list[Report] = []
+    track = ImuTrack(watch=ReportedSensor("imu", told.append))
     series = []
     for turn_rate in (np.array([0.0, 0.5, 0.0]), np.zeros(3), np.zeros(3)):
         for k in range(400):  # 2 s, from the same stamp each time
@@ -122,4 +123,16 @@ def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
         assert last.seconds == pytest.approx(399 * 0.005)
         series.append(last.series)
     assert len(set(series)) == 3
-    assert steps_s == [pytest.approx(399 * 0.005)] * 2
+    assert [report.kind for report in told] == ["imu: clock set back"] * 2
+    assert all(" by 2.0 s: " in report.text for report in told)
+
+
+def test_samples_of_another_clock_are_reported():
+    told: list[Report] = []
+    track = ImuTrack(watch=ReportedSensor("imu", told.append))
+    for k in range(40):
+        track.add(k * _STEP_NS, np.zeros(3), _UP)
+        assert track.at(k * _STEP_NS + 5_000_000_000) is None
+    (report,) = told
+    assert report.kind == "imu: no message near the frames"
+    assert "the newest message is 5.00 s before the frame" in report.text

@@ -10,6 +10,7 @@ from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp, transform
 from hsslam_node.odometry.reading import MotionSince, OdometryReading
 from hsslam_node.odometry.track import OdometryTrack
+from hsslam_node.sources.reports import Report, ReportedSensor
 
 _SPEED = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.5])  # m/s and rad/s of a base that drives a curve
 _PERIOD_NS = 20_000_000
@@ -115,8 +116,8 @@ def test_after_a_jump_nothing_is_known_of_the_motion():
 
 
 def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
-    steps_s: list[float] = []
-    track = OdometryTrack(np.eye(4), clock_set_back=steps_s.append)
+    told: list[Report] = []
+    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
     for k in range(150):  # 3 s at 1 m/s
         track.add(k * _PERIOD_NS, se3_exp(np.array([0.02 * k, 0.0, 0.0, 0.0, 0.0, 0.0])))
     assert not track.add(149 * _PERIOD_NS - 1_000_000_000, np.eye(4))  # overtaken on its way
@@ -124,7 +125,8 @@ def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
     since.restart(_read(track, 149 * _PERIOD_NS))
     for k in range(50):  # the simulator begins anew, the robot stands
         assert track.add(k * _PERIOD_NS, np.eye(4))
-    assert steps_s == [pytest.approx(149 * 0.02)]
+    assert [report.kind for report in told] == ["odom: clock set back"]
+    assert " by 3.0 s: " in told[0].text
     for k in range(50):
         np.testing.assert_allclose(_read(track, k * _PERIOD_NS).T_odom_cam, np.eye(4))
     motion = since.to(_read(track, 0))
@@ -180,3 +182,33 @@ def test_after_a_jump_nothing_is_read_ahead_of_it():
     assert track.at(5 * _PERIOD_NS + 1) is None
     track.add(6 * _PERIOD_NS, np.eye(4))
     np.testing.assert_allclose(_read(track, 7 * _PERIOD_NS).T_odom_cam, np.eye(4), atol=1e-12)
+
+
+def test_messages_of_another_clock_or_unit_are_reported():
+    told: list[Report] = []
+    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    for k in range(100):
+        track.add(k * _PERIOD_NS + 3_600_000_000_000, se3_exp(0.02 * k * _SPEED))
+        assert track.at(k * _PERIOD_NS) is None
+    (report,) = told
+    assert report.kind == "odom: no message near the frames"
+    assert "30 frames in a row, the newest message is 3600.00 s after the frame" in report.text
+
+    told.clear()
+    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    for k in range(100):  # 1 m/s in millimetres
+        track.add(k * _PERIOD_NS, transform(np.array([20.0 * k, 0.0, 0.0]), np.array([0, 0, 0, 1])))
+    (report,) = told
+    assert report.kind == "odom: too fast for a robot"
+    assert "30 of 30 motions count as jumps; expected metres" in report.text
+
+
+def test_a_gap_and_a_jump_are_no_fault():
+    told: list[Report] = []
+    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    for k in range(100):
+        x = 0.02 * k + 50 * (k > 20)
+        if not 30 < k < 59:
+            track.add(k * _PERIOD_NS, transform(np.array([x, 0.0, 0.0]), np.array([0, 0, 0, 1])))
+        track.at(k * _PERIOD_NS)
+    assert told == []

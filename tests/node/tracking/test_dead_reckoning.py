@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transform
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.odometry.reading import OdometryReading
@@ -109,6 +110,25 @@ def test_noise_of_odometry_does_not_pull_what_the_camera_sees():
     )
     assert with_wheels.mean() < alone.mean() + 1e-4
     assert with_poor.mean() < alone.mean() + 3e-4
+
+
+@pytest.mark.parametrize("fault", ["half the way", "another mounting", "standing"])
+def test_odometry_that_moves_unlike_the_camera_is_found_out(fault: str):
+    sane = _tracked(_frames(_wheels(0.1), covered=()))[1]
+    assert not any(r.odometry_disagrees for r in sane)
+    wrong = []
+    for wheel in _wheels():
+        T = wheel.T_odom_cam.copy()
+        if fault == "half the way":
+            T[:3, 3] *= 0.3
+        elif fault == "another mounting":
+            T = T @ transform(np.zeros(3), np.array([0.5, -0.5, 0.5, 0.5]))
+        else:
+            T = np.eye(4)
+        wrong.append(OdometryReading.at(T, wheel.covariance))
+    _, results = _tracked(_frames(wrong, covered=()))
+    assert results[-1].odometry_disagrees
+    assert {r.status for r in results[1:]} == {"tracked"} and _off_m(results).max() < 0.006
 
 
 def test_wheels_that_slip_or_stand_still_do_not_lose_the_camera():

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_exp
+from hsslam_node.inertial.gravity import STANDARD_GRAVITY
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.inertial.simulated import simulated_imu
 from hsslam_node.map.allocator import MemoryAllocator
@@ -62,6 +64,15 @@ def test_an_imu_with_other_axes_is_found_out_and_not_used():
     _, results = _tracked(_with(simulated_imu(T, 30.0, _up(), 1.0, seed=1)))
     assert results[-1].imu_disagrees
     assert {r.status for r in results[1:]} == {"tracked"}
+
+
+def test_accelerations_in_g_are_found_out():
+    per_velocity = np.array([1, 1, 1, 1, *[1 / STANDARD_GRAVITY] * 3, 1])
+    in_g = [r and ImuReading(r.numbers * per_velocity, r.series) for r in _readings()]
+    store, results = _tracked(_with(in_g))
+    assert store.world_frame.gravity is None
+    assert results[-1].implausible_gravity == pytest.approx(1.0, abs=0.15)
+    assert not any(r.implausible_gravity for r in _tracked(_with(_readings()))[1])
 
 
 def test_a_camera_that_turned_in_the_dark_is_expected_where_it_looks():
