@@ -8,6 +8,7 @@ from hsslam_node.sources.files.image_files import BadImageError, read_any_color,
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.record_folder import RecordFolder
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.reports import Reports
 
 _MOST_BROKEN = 30  # pairs before the first that can be used
 
@@ -23,6 +24,8 @@ class RecordSource(ImagePairSource):
     def __init__(self, name: str, options: SourceOptions) -> None:
         folder = RecordFolder.find(name, options.record)
         pairs = folder.pairs
+        self.reports = Reports()
+        folder.report_left_out(self.reports)
         size = _size_px(f"record:{name}", pairs)
         given = options.camera.given()
         camera, units = read_record_camera(folder.path / "camera.json", given, size)

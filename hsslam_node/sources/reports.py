@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.source import Source
 
+USUAL_SHARE = 0.9  # of the images that have a counterpart; a source reports a smaller one
 _MOST_WAITING = 1000
 
 

@@ -15,6 +15,7 @@ from hsslam_node.sources.files.image_pairs import ImagePair
 from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
 from hsslam_node.sources.files.record_times import read_times
 from hsslam_node.sources.options.source import RecordOptions
+from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
 from hsslam_node.user_path import user_path
 
 _COLOR_FOLDERS = ("color", "rgb", "colour")
@@ -53,14 +54,31 @@ class RecordFolder:
         Raises:
             UserError: there are no images, or no way to pair them.
         """
-        color = self._images(_COLOR_FOLDERS, _COLOR_SUFFIXES, "colour")
-        depth = self._images(("depth",), _DEPTH_SUFFIXES, "depth")
+        color, depth = self._color, self._depth
         depth_of = self._depth_of(color, depth)
         stamps = self._stamps(color)
         pairs = [(stamps[c], c, depth_of[c]) for c in color if c in depth_of and c in stamps]
         if not pairs:
             raise UserError(f"{self.path}: no colour image has a stamp and a depth image")
         return sorted(pairs)
+
+    def report_left_out(self, reports: Reports) -> None:
+        """Report if many images have no stamp or no counterpart."""
+        count, images = len(self.pairs), (len(self._color), len(self._depth))
+        if count < USUAL_SHARE * min(images):
+            text = (
+                f"{self.path}: only {count} of {images[0]} colour images have a time and one of {images[1]} "
+                "depth images; the others are left out"
+            )
+            reports.add(Report("images without a counterpart", text))
+
+    @cached_property
+    def _color(self) -> list[Path]:
+        return self._images(_COLOR_FOLDERS, _COLOR_SUFFIXES, "colour")
+
+    @cached_property
+    def _depth(self) -> list[Path]:
+        return self._images(("depth",), _DEPTH_SUFFIXES, "depth")
 
     def _images(self, names: tuple[str, ...], suffixes: tuple[str, ...], what: str) -> list[Path]:
         for name in names:

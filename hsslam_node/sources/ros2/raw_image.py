@@ -15,6 +15,7 @@ from hsslam_node.sources.files.image_files import (
 )
 
 FLOAT_UNITS_PER_M = 5000.0  # of depth that comes as metres in floats: up to 13.1 m
+_FARTHEST_MEDIAN_M = 100.0  # of depth in floats: more is another unit
 MILLIMETRES_PER_M = 1000.0  # of depth in whole numbers, REP 118
 
 _TO_RGB = {
@@ -114,6 +115,7 @@ class RawImage:
             scale = np.float32(FLOAT_UNITS_PER_M / (units_per_m or 1.0))
             scaled = self._pixels(np.dtype(np.float32), 1) * scale
             is_there = (scaled > 0) & (scaled < 65535.5)  # not so for NaN and infinity
+            _expect_metres(scaled, is_there)
             return np.where(is_there, scaled + 0.5, 0).astype(np.uint16), FLOAT_UNITS_PER_M
         raise BadImageError(
             f"depth in encoding {self.encoding!r}: expected 16UC1 (mm) or 32FC1 (m)"
@@ -165,6 +167,19 @@ class RawImage:
         order = ">" if self.is_big_endian else "<"
         pixels = np.ascontiguousarray(rows).view(dtype.newbyteorder(order)).astype(dtype)
         return pixels if channels == 1 else pixels.reshape(self.height_px, self.width_px, channels)
+
+
+def _expect_metres(scaled: np.ndarray, is_there: np.ndarray) -> None:
+    """Raise BadImageError if depth in floats, [H, W] in units of `FLOAT_UNITS_PER_M`, has another unit."""
+    measured = np.isfinite(scaled) & (scaled > 0)
+    if 2 * np.count_nonzero(is_there) >= np.count_nonzero(measured):
+        return
+    median_m = float(np.median(scaled[measured])) / FLOAT_UNITS_PER_M
+    if median_m > _FARTHEST_MEDIAN_M:
+        raise BadImageError(
+            f"depth in encoding '32FC1' has a median of {median_m:.0f} m: expected metres, or "
+            "--camera.depth-scale 1000 for millimetres"
+        )
 
 
 def expect_size(what: str, width_px: int, height_px: int, camera: Camera) -> None:

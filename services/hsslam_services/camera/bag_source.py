@@ -13,7 +13,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.reports import Report, ReportedSensor, Reports
+from hsslam_node.sources.reports import USUAL_SHARE, Report, ReportedSensor, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
@@ -30,7 +30,6 @@ from hsslam_services.ros2.odometry_in import RosOdometry
 from hsslam_services.ros2.static_transforms import StaticTransforms
 
 _WAITING = 128  # images until their counterpart comes: 4 s at 30 Hz, as recorders may write late
-_USUAL_SHARE = 0.9  # of the images that have a counterpart
 
 
 class BagSource(ReadsInTime):
@@ -105,7 +104,7 @@ class BagSource(ReadsInTime):
         """Report if many colour images have no depth image at their time; `count`: pairs of the bag."""
         images = {t.name: t.message_count for t in self._bag.topics}
         most = min(images[self._color], images[self._depth])
-        if count >= _USUAL_SHARE * most:
+        if count >= USUAL_SHARE * most:
             return
         ns = pairs.nearest_ns
         nearest = "" if ns is None else f"; the next nearest is {1e-6 * ns:.1f} ms away"

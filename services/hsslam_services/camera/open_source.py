@@ -14,6 +14,8 @@ from hsslam_proto.message import LARGEST_SIDE_PX
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import ALL_SOURCES, refuse_rate
 
+_SMALLEST_SIDE_PX = 8  # tracking begins with images of an eighth of the size
+
 
 def open_any_source(
     spec: str,
@@ -23,7 +25,8 @@ def open_any_source(
     """As `open_source`, with the sources of the service as well: logs and ROS 2 cameras.
 
     Raises:
-        UserError: unknown source, missing files, an invalid camera, or images too large for a message.
+        UserError: unknown source, missing files, an invalid camera, or images that are too large for a
+            message or too small to track.
     """
     source = open_source(spec, options, should_stop, ALL_SOURCES)
     width_px, height_px = source.camera.width_px, source.camera.height_px
@@ -31,6 +34,11 @@ def open_any_source(
         raise UserError(
             f"source {source.name}: images of {width_px}x{height_px} pixels: expected at most "
             f"{LARGEST_SIDE_PX} a side and {1e-6 * LARGEST_IMAGE_PX:.1f} million"
+        )
+    if min(width_px, height_px) < _SMALLEST_SIDE_PX:
+        raise UserError(
+            f"source {source.name}: images of {width_px}x{height_px} pixels: expected at least "
+            f"{_SMALLEST_SIDE_PX} a side"
         )
     return source
 
@@ -56,4 +64,5 @@ def check_source_exists(options: ServeOptions) -> None:
     elif options.has_camera_process:
         source = open_any_source(options.source, replace(options.source_options, noise="none"))
         if source.frame_count == 0:
-            raise UserError(f"--start {options.start}: source {options.source} has fewer frames")
+            fault = f"--start {options.start}: source {options.source} has fewer frames"
+            raise UserError(fault if options.start else f"source {options.source} has no frames")

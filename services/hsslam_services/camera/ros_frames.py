@@ -65,6 +65,8 @@ class RosFrames:
         try:
             if self._changed:
                 raise BadImageError(f"camera_info changed to {self._changed}")
+            if color.stamp_ns < 0:
+                raise BadImageError("stamp before 1970: expected a time from 0 on")
             for image in (color, depth):
                 image.expect_size(self.camera)
             rgb = color.color()

@@ -1,9 +1,10 @@
 """The table of processes: supervisor, status line, summary and docs iterate over it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hsslam_node.image_header import LARGEST_PIXELS
+from hsslam_services.run.options import ServeOptions
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,10 @@ class ProcessSpec:
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
-    def exists(self, *, has_camera: bool, has_ros2_out: bool, has_grid: bool) -> bool:
-        """Whether such a run has this process."""
+    def exists(self, options: ServeOptions) -> bool:
+        """Whether a run with these options has this process."""
         needs = (self.reads_source, self.serves_ros2, self.serves_grid)
-        has = (has_camera, has_ros2_out, has_grid)
+        has = (options.has_camera_process, bool(options.ros2_out), options.grid)
         return all(there or not needed for there, needed in zip(has, needs, strict=True))
 
     def is_needed(self, pace: str) -> bool:
@@ -81,6 +82,7 @@ ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     TRAJECTORY_SAVER: 60.0,  # and some more for each pose
 }
 
+_RENDERING_STALL_S = 150.0  # a frame of a tracker by rendering takes seconds, more on a busy core
 _SAVED_POSES_PER_S = 10_000  # on a slow disk; an hour has 108 000 at 30 Hz
 
 
@@ -181,3 +183,14 @@ def environment_of_threads(threads: int) -> dict[str, str]:
 def process_number(name: str) -> int:
     """Row of a process in the table, from 1; 0: not in the table."""
     return next((k for k, spec in enumerate(PROCESSES, 1) if spec.name == name), 0)
+
+
+def processes_of(options: ServeOptions) -> list[ProcessSpec]:
+    """The processes of a run with these options, with their time limits in it."""
+    specs = [spec for spec in PROCESSES if spec.exists(options)]
+    if options.slam.tracker.method == "alignment":
+        return specs
+    return [
+        replace(spec, stall_timeout_s=_RENDERING_STALL_S) if spec.name == "tracker" else spec
+        for spec in specs
+    ]

@@ -135,7 +135,20 @@ def _run(worker: Worker) -> None:
         raise UserError(
             f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"
         )
+    if not worker.should_stop():
+        _expect_all(worker, source, progress)
     _end(worker, progress, last_frame)
+
+
+def _expect_all(worker: Worker, source: Source, progress: CameraProgress) -> None:
+    """Report a source that ended before its last frame, as that of a plugin may; raise UserError if it had
+    no frame."""
+    given, count = progress.next_index, source.frame_count
+    if count is None or given >= count:
+        return
+    if not given:
+        raise UserError(f"source {source.name}: no frame came: expected {count}")
+    worker.event("warning", f"source {source.name} ended after {given} of {count} frames")
 
 
 def _expect_order(source: Source, frame: Frame, last_index: int) -> None:

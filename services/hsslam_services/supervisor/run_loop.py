@@ -20,7 +20,12 @@ from hsslam_services.health.status_line import StatusLine
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import run_one_shot
-from hsslam_services.launch.process_table import MAP_LOADER, PROCESSES, WARM_UP, one_shot_timeout_s
+from hsslam_services.launch.process_table import (
+    MAP_LOADER,
+    WARM_UP,
+    one_shot_timeout_s,
+    processes_of,
+)
 from hsslam_services.launch.spawn import process_name
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.exit_code import ExitCode, ending
@@ -65,12 +70,7 @@ class RunLoop:
         self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
-            for spec in PROCESSES
-            if spec.exists(
-                has_camera=self._info.options.has_camera_process,
-                has_ros2_out=bool(self._info.options.ros2_out),
-                has_grid=self._info.options.grid,
-            )
+            for spec in processes_of(self._info.options)
         }
 
     def _has_poses(self) -> bool:

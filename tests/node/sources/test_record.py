@@ -12,6 +12,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.camera import CameraOptions
 from hsslam_node.sources.options.source import RecordOptions, SourceOptions
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame
 from tests.late_frames import expect_late_frames_left_out
 from tests.sequence_folders import HEIGHT, WIDTH, frame_images
@@ -115,6 +116,17 @@ def test_a_list_of_times(tmp_path, name, text):
     (folder / name).write_text(text, encoding="utf-8")
     next(folder.glob("*/0.png")).with_name("._0.png").write_bytes(b"of macOS")
     assert stamps_of(source_of(folder)) == [5_500_000_000, 6_250_000_000]
+
+
+def test_many_images_without_a_counterpart_are_reported(tmp_path):
+    names = [f"{k}.png" for k in range(10)]
+    folder = record(tmp_path, names, names)
+    assert reports_of(source_of(folder)).take() == []
+    (folder / "times.txt").write_text("".join(f"{k}.0 {k}.png\n" for k in range(4)))
+    (report,) = reports_of(source_of(folder)).take()
+    assert report.text.startswith(
+        f"{folder}: only 4 of 10 colour images have a time and one of 10 d"
+    )
 
 
 @pytest.mark.parametrize(

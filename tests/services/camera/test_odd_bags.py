@@ -31,9 +31,7 @@ def test_a_stamp_before_0_is_a_bad_frame(room, tmp_path: Path):
             bag.image(COLOR, stamp_ns, frame.color, "rgb8")
             bag.image(DEPTH, stamp_ns, frame.depth_raw, "16UC1")
     bad = [item for item in opened(tmp_path / "bag").frames() if isinstance(item, BadFrame)]
-    assert [item.reason for item in bad] == [
-        f"frame 0: stamp_ns = -1000000000: expected a whole number, 0 to {2**63 - 1}"
-    ]
+    assert [item.reason for item in bad] == ["stamp before 1970: expected a time from 0 on"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -33,6 +33,11 @@ def test_images_that_are_too_large_are_named(width_px, height_px, tmp_path: Path
         open_any_source(_record(tmp_path, width_px, height_px), SourceOptions(camera=_CAMERA))
 
 
+def test_images_that_are_too_small_to_track_are_named(tmp_path: Path):
+    with pytest.raises(UserError, match="images of 8x7 pixels: expected at least 8 a side"):
+        open_any_source(_record(tmp_path, 8, 7), SourceOptions(camera=_CAMERA))
+
+
 def test_a_wide_image_that_fits_is_opened(tmp_path: Path):
     source = open_any_source(_record(tmp_path, 8192, 8), SourceOptions(camera=_CAMERA))
     assert source.camera.width_px == 8192

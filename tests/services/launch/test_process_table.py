@@ -1,8 +1,15 @@
-"""How long processes that end by themselves may take."""
+"""How long processes may take."""
 
 import pytest
 
-from hsslam_services.launch.process_table import MAP_SAVER, TRAJECTORY_SAVER, one_shot_timeout_s
+from hsslam_node.presets import PRESETS
+from hsslam_services.launch.process_table import (
+    MAP_SAVER,
+    TRAJECTORY_SAVER,
+    one_shot_timeout_s,
+    processes_of,
+)
+from hsslam_services.run.options import ServeOptions
 
 _AN_HOUR = 30 * 3600  # frames
 
@@ -12,3 +19,13 @@ def test_the_time_for_the_trajectories_grows_with_the_run(hours):
     poses = hours * _AN_HOUR
     assert one_shot_timeout_s(TRAJECTORY_SAVER, poses) >= 60 + 10 * hours
     assert one_shot_timeout_s(MAP_SAVER, poses) == one_shot_timeout_s(MAP_SAVER, 0)
+
+
+def test_a_tracker_by_rendering_may_take_longer_for_a_frame():
+    def stall_s(preset) -> float:
+        options = ServeOptions(preset=preset, slam=PRESETS[preset])
+        (tracker,) = [spec for spec in processes_of(options) if spec.name == "tracker"]
+        return tracker.stall_timeout_s
+
+    assert stall_s("realtime") == 10
+    assert stall_s("paper") == stall_s("co-slam") == 150

@@ -84,6 +84,16 @@ def test_depth_in_floats():
     np.testing.assert_allclose(depth[1:] / units, metres[1:], atol=0.5001 / units)
 
 
+def test_millimetres_in_floats_are_named():
+    far = np.full((4, 5), 20.0, np.float32)  # too far for depth, but metres
+    far[0, 0] = 3.0
+    assert np.count_nonzero(raw(far, "32FC1", 4).depth()[0]) == 1
+    with pytest.raises(BadImageError, match=r"a median of 3000 m: expected metres, or --camera\.d"):
+        raw(np.full((4, 5), 3000.0, np.float32), "32FC1", 4).depth()
+    depth, units = raw(np.full((4, 5), 3000.0, np.float32), "32FC1", 4).depth(1000.0)
+    assert (depth / units == 3.0).all()
+
+
 def test_compressed():
     png = cv2.imencode(".png", RGB[..., ::-1])[1].ravel()
     color = RawImage(0, "rgb8; png compressed bgr8", png, is_compressed=True).color()
