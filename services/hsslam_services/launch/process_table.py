@@ -49,6 +49,11 @@ class ProcessSpec:
         has = (options.has_camera_process, bool(options.ros2_out), options.grid)
         return all(there or not needed for there, needed in zip(has, needs, strict=True))
 
+    def nice_at(self, pace: str) -> int:
+        """Its nice value in a run of this pace. A lockstep run waits for the processes that it needs, so they
+        do not give way to other programs of the machine."""
+        return 0 if pace == "lockstep" and self.is_needed(pace) else self.nice
+
     def is_needed(self, pace: str) -> bool:
         """Whether a run of this pace cannot continue without this process."""
         return self.ends_run or (self.lockstep_needs and pace == "lockstep")

@@ -36,13 +36,13 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run
     spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: a one-shot process
-    _give_way(spec.nice if spec else 0)
     if spec is None:
         return_large_arrays()
     elif spec.returned_bytes:
         return_large_arrays(spec.returned_bytes)
     try:
         run = RunInfo.read(run_dir)
+        _give_way(spec.nice_at(run.options.pace) if spec else 0)
         not_entered = _enter(run, name)
         if os.getppid() != run.supervisor_pid:
             raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")

@@ -5,6 +5,7 @@ import pytest
 from hsslam_node.presets import PRESETS
 from hsslam_services.launch.process_table import (
     MAP_SAVER,
+    PROCESSES,
     TRAJECTORY_SAVER,
     one_shot_timeout_s,
     processes_of,
@@ -29,3 +30,8 @@ def test_a_tracker_by_rendering_may_take_longer_for_a_frame():
 
     assert stall_s("realtime") == 10
     assert stall_s("paper") == stall_s("co-slam") == 150
+
+
+def test_what_lockstep_waits_for_does_not_give_way():
+    at = {spec.name: (spec.nice_at("realtime"), spec.nice_at("lockstep")) for spec in PROCESSES}
+    assert at["mapper"] == (5, 0) and at["global_ba"] == (14, 0) and at["mesher"] == (19, 19)
