@@ -9,6 +9,7 @@ from hsslam_node.doctor.depth import check_coverage, check_depth_range, check_de
 from hsslam_node.doctor.finding import Check, Finding
 from hsslam_node.doctor.images import (
     check_exposure,
+    check_image_size,
     check_readable,
     check_repeated_images,
     check_sharpness,
@@ -36,7 +37,9 @@ def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
         yield _SENSORS.note(len(sample.reports), sample.reports[0].text)
     if not sample.frames:
         return
-    yield check_intrinsics(sample.frames[0].camera)
+    camera = sample.frames[0].camera
+    yield check_image_size(camera.width_px, camera.height_px)
+    yield check_intrinsics(camera)
     yield from _of_depth(sample)
     yield check_registration([(frame.color, frame.depth_m()) for frame in sample.spread])
     yield from _of_images(sample)

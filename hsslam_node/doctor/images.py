@@ -27,6 +27,21 @@ def check_readable(read: int, reasons: Sequence[str]) -> Finding:
     return finding(100 * share, seen, advice)
 
 
+_FAULT_SIDE_PX, _NOTE_SIDE_PX = 48, 120
+_SIZE = Check("image size", "px", "images of 160x120 pixels or more")
+
+
+def check_image_size(width_px: int, height_px: int) -> Finding:
+    """The shorter side of the images, px."""
+    side, seen = float(min(width_px, height_px)), f"images of {width_px}x{height_px} pixels"
+    advice = "choose a larger size of image in the camera's driver, 640x480 for best results"
+    if side < _FAULT_SIDE_PX:
+        return _SIZE.fault(side, f"{seen}: poses are wrong or lost", advice)
+    if side < _NOTE_SIDE_PX:
+        return _SIZE.note(side, f"{seen}: poses are less accurate", advice)
+    return _SIZE.ok(side, seen)
+
+
 _DARK, _BRIGHT = 8, 250
 _FAULT_FLAT = 0.9  # black or white all over: the lens is covered, or there is no light
 _NOTE_FLAT = 0.35

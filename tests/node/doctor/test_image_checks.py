@@ -7,6 +7,7 @@ import pytest
 from hsslam_node.doctor.camera import check_registration
 from hsslam_node.doctor.images import (
     check_exposure,
+    check_image_size,
     check_readable,
     check_repeated_images,
     check_sharpness,
@@ -83,6 +84,14 @@ def test_exposure():
     assert check_exposure([a], [(a, a // 2)]).severity == "note"
     assert check_exposure([a // 6], []).severity == "note"
     assert check_exposure([np.zeros_like(a)], []).severity == "fault"
+
+
+@pytest.mark.parametrize(
+    ("width_px", "height_px", "severity"),
+    [(640, 480, "ok"), (120, 160, "ok"), (64, 48, "note"), (33, 25, "fault")],
+)
+def test_image_size(width_px: int, height_px: int, severity: str):
+    assert check_image_size(width_px, height_px).severity == severity
 
 
 def test_sharpness():

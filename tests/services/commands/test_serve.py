@@ -18,8 +18,9 @@ from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import PAUSE, RESUME, STATUS
 from hsslam_services.bus.ask import ask
-from hsslam_services.launch.process_table import PROCESSES, ProcessSpec
+from hsslam_services.launch.process_table import ProcessSpec, processes_of
 from hsslam_services.run.exit_code import ExitCode
+from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
@@ -38,9 +39,7 @@ _SAME_RESULTS = (
     *("trajectory.txt", "trajectory_online.txt", "keyframes.txt"),
     *("map.safetensors", "mesh.ply"),
 )
-_PROCESSES = [
-    spec for spec in PROCESSES if spec.exists(has_camera=True, has_ros2_out=False, has_grid=False)
-]
+_PROCESSES = processes_of(ServeOptions(source="synth:room"))
 
 
 def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:

@@ -36,8 +36,8 @@ def test_the_router_is_open_for_the_domain_of_ros():
 
 def test_the_process_is_there_if_it_is_asked_for():
     (spec,) = (spec for spec in PROCESSES if spec.name == "ros2_out")
-    assert spec.exists(has_camera=True, has_ros2_out=True, has_grid=False)
-    assert not spec.exists(has_camera=True, has_ros2_out=False, has_grid=False)
+    assert spec.exists(ServeOptions(ros2_out="/hsslam"))
+    assert not spec.exists(ServeOptions())
     assert not spec.is_needed("realtime") and not spec.is_needed("lockstep")
 
 

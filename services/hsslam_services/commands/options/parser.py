@@ -165,6 +165,8 @@ def _unknown(prog: str, arg: str, table: Sequence[Option]) -> str:
         if (example := next(valued, None)) is None:
             return f"{arg}: one argument too many; see {prog} --help"
         return f"{arg}: expected an option, as {example.flag} {example.value}; see {prog} --help"
+    if name in known:  # after --
+        return f"{name}: is taken for a value, as it stands after --: expected it before --"
     same_leaf = [flag for flag in known if flag.endswith("." + name.lstrip("-"))]
     hint = did_you_mean(name, same_leaf or known, cutoff=0.0 if same_leaf else 0.5)
     return f"{name}: unknown option{hint or f'; see {prog} --help'}"
