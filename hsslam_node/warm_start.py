@@ -8,13 +8,14 @@ from functools import cache
 
 import numpy as np
 
-from hsslam_node.config import SlamConfig
+from hsslam_node.config import FieldConfig, SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.slam import Slam
 
 _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
+_COARSER, _HASH_TABLE_LOG2 = 4, 12
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +33,8 @@ class WarmStart:
 
 @cache
 def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
-    """Track and map three frames of a textured wall with the field of `config`, then forget them.
+    """Track and map three frames of a textured wall, then forget them. The field is that of `config`, and on
+    the CPU coarser, as its kernels serve fields of all sizes.
 
     Runs once for each configuration and device. A forked process inherits kernels and result of its
     parent: the fork server runs this for all its forks.
@@ -40,6 +42,7 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
     start_s = time.monotonic()
     small = dataclasses.replace(
         config,
+        field=config.field if device.uses_triton else _coarse(config.field),
         keyframes=dataclasses.replace(config.keyframes, every_frames=1, capacity=8),
         mapper=dataclasses.replace(config.mapper, rays=64, first_iterations=1, iterations=1),
         rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
@@ -50,6 +53,17 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
     for frame in textured_wall(3):
         slam.process(frame)
     return WarmStart(os.getpid(), time.monotonic() - start_s)
+
+
+def _coarse(field: FieldConfig) -> FieldConfig:
+    """Fewer cells, which take less time to initialise."""
+    return dataclasses.replace(
+        field,
+        coarse_cell_m=_COARSER * field.coarse_cell_m,
+        geometry_fine_cell_m=_COARSER * field.geometry_fine_cell_m,
+        appearance_fine_cell_m=_COARSER * field.appearance_fine_cell_m,
+        hash_table_log2=min(field.hash_table_log2, _HASH_TABLE_LOG2),
+    )
 
 
 def textured_wall(count: int) -> Iterator[Frame]:

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.kernels.surface_sites import known_box
 from hsslam_node.distance.states import UNKNOWN
@@ -77,6 +76,10 @@ class DistanceMap:
     @cached_property
     def to_unknown_m(self) -> np.ndarray:
         """[nx, ny, nz] m from the middle of a voxel to that of the nearest one that was not seen."""
+        from scipy.ndimage import (
+            distance_transform_edt,  # few ask: it would delay the start of each run
+        )
+
         outside = np.pad(self.states != UNKNOWN, 1)
         inner = (slice(1, -1),) * 3
         return np.asarray(distance_transform_edt(outside))[inner] * self.grid.voxel_m

@@ -90,9 +90,8 @@ def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
             return request
     _import(_IMPORTS)
     _load_kernels(Path(run_dir))
-    gc.collect()
     return_free_memory()  # of the imports and the warm start
-    gc.freeze()  # a collection in a fork would copy each page that it visits
+    gc.freeze()  # a collection in a fork would copy each page that it visits; garbage is 1 MB of it
     supervisor.setblocking(True)
     while True:
         request = waiting.pop(0) if waiting else _receive(supervisor)
