@@ -76,9 +76,8 @@ class DistanceMap:
     @cached_property
     def to_unknown_m(self) -> np.ndarray:
         """[nx, ny, nz] m from the middle of a voxel to that of the nearest one that was not seen."""
-        from scipy.ndimage import (
-            distance_transform_edt,  # few ask: it would delay the start of each run
-        )
+        # few ask for it, and it would delay the start of each run
+        from scipy.ndimage import distance_transform_edt
 
         outside = np.pad(self.states != UNKNOWN, 1)
         inner = (slice(1, -1),) * 3

@@ -7,15 +7,14 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.pose_covariance import carried, in_world, turned
 from hsslam_node.geometry.se3 import inverse, so3_log
-from hsslam_node.odometry.agreement import OdometryAgreement
 from hsslam_node.odometry.reading import Motion, MotionSince, OdometryReading
 from hsslam_node.tracking.alignment.align import Alignment
+from hsslam_node.tracking.motion_agreement import MotionAgreement
 
 _SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: 2 sigma are the limits of `is_confirmed`
-_COMPARED_M, _COMPARED_RAD = (
-    0.1,
-    0.1,
-)  # standard deviations: a less sure motion is no motion to compare
+# standard deviations: a motion that is less sure does not show how odometry is mounted
+_COMPARED_M, _COMPARED_RAD = 0.1, 0.1
+_REST_M_S, _REST_RAD_S = 0.1, 0.1  # by which odometry may differ, also at rest: noise, late stamps
 _FARTHEST = 25.0  # squared Mahalanobis distance of 6 numbers: one in 3000 is beyond
 
 
@@ -70,7 +69,7 @@ class DeadReckoning:
 
     def __init__(self) -> None:
         self._since = MotionSince()  # since the last aligned frame
-        self._agreement = OdometryAgreement()
+        self._agreement = MotionAgreement(_REST_M_S, _REST_RAD_S)
         self._last_covariance = np.zeros((6, 6))  # of T_world_cam of the last aligned frame
         self._gap = np.zeros((6, 6))  # `gap_at` of the last aligned frame
         self._newest: Reckoning | None = None  # of the dead-reckoned frames since then
@@ -82,10 +81,11 @@ class DeadReckoning:
         """Whether odometry moves unlike the camera."""
         return self._agreement.is_known and not self._agreement.holds
 
-    def compare(self, reckoning: Reckoning | None, T_last_cam: np.ndarray, seconds: float) -> None:
+    def compare(self, reckoning: Reckoning, T_last_cam: np.ndarray, seconds: float) -> None:
         """Compare odometry with the motion [4, 4] of an aligned frame since the aligned frame before it."""
-        if reckoning is not None and reckoning.motion.is_surer_than(_COMPARED_M, _COMPARED_RAD):
-            self._agreement.compare(reckoning.motion.T_from_to, T_last_cam, seconds)
+        if reckoning.motion.is_surer_than(_COMPARED_M, _COMPARED_RAD):
+            T_off = inverse(reckoning.motion.T_from_to) @ T_last_cam
+            self._agreement.compare(_way_and_turn(T_last_cam), _way_and_turn(T_off), seconds)
 
     @property
     def is_on(self) -> bool:
@@ -132,3 +132,8 @@ class DeadReckoning:
         self._newest = None
         self.unaligned_frames = 0
         self.is_open &= gap is not None
+
+
+def _way_and_turn(T: np.ndarray) -> np.ndarray:
+    """Length in m and angle in rad of a motion [4, 4], [2]."""
+    return np.array([np.linalg.norm(T[:3, 3]), np.linalg.norm(so3_log(T[:3, :3]))])

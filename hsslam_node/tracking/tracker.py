@@ -185,10 +185,10 @@ class Tracker:
         self._choose_next_reference(seen, alignment, T, new)
         is_back = self._reckoned.is_on and motion.lost_frames == 0
         T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
-        if not self._reckoned.is_on and motion.lost_frames == 0 and not self._search.is_at_place:
+        is_followed = not (self._search.is_at_place or self._reckoned.is_on)
+        if reckoning is not None and is_followed and motion.lost_frames == 0:
             seconds = 1e-9 * (frame.stamp_ns - motion.last.frame.stamp_ns)
             self._reckoned.compare(reckoning, inverse(motion.T_world_last) @ T, seconds)
-        is_known = T_expected is not None or not (self._search.is_at_place or self._reckoned.is_on)
         motion.aligned(frame, T, k, T_keyframe_cam)
         covariance = doubt.in_world()
         is_joined = new is not None or seen.localise_only
@@ -200,7 +200,7 @@ class Tracker:
             residual_m=alignment.sdf_rms_m, map_version=seen.map_version,
             is_keyframe=new is not None, outside=alignment.outside, pose_version=version,
             covariance=covariance, imu_disagrees=motion.imu_disagrees, T_expected=T_expected,
-            is_carried=not is_known, odometry_disagrees=self._reckoned.disagrees,
+            is_carried=T_expected is None and not is_followed, odometry_disagrees=self._reckoned.disagrees,
             implausible_gravity=motion.implausible_gravity,
         )  # fmt: skip
 

@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.inertial.gravity import GravityWindows
 from hsslam_node.inertial.gyro_bias import GyroBias
 from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.inertial.turn_agreement import TurnAgreement
+from hsslam_node.tracking.motion_agreement import MotionAgreement
 
+_REST_RAD_S = 0.06  # by which the IMU may differ, also at rest: bias, and noise of tracking
 _SURE_WINDOWS = 5  # of about a second, before a length of gravity is called wrong
 
 
@@ -25,7 +27,7 @@ class InertialPrior:
         self._turns_predictions = turns_predictions
         self._bias = GyroBias()
         self._windows = GravityWindows()
-        self._agreement = TurnAgreement()
+        self._agreement = MotionAgreement(_REST_RAD_S)
         self._last: ImuReading | None = None  # of the last aligned frame
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
@@ -68,7 +70,8 @@ class InertialPrior:
         motion = motion_between(self._last, reading)
         if motion is not None and motion.seconds > 0:
             R = T_last_cam[:3, :3]
-            self._agreement.compare(self._bias.removed(motion), R, motion.seconds)
+            R_off = self._bias.removed(motion).T @ R
+            self._agreement.compare(_angle_rad(R), _angle_rad(R_off), motion.seconds)
             self._bias.learn(motion, R)
             is_full = self._windows.add(motion, T_last_cam, keyframe, T_keyframe_cam[:3, :3])
             if is_full and not self.disagrees:
@@ -100,3 +103,8 @@ class InertialPrior:
         if self._has_noted or known is None or gravity.sigma_rad < known.sigma_rad:
             self._store.world_frame.note_gravity(gravity)
             self._has_noted = True
+
+
+def _angle_rad(R: np.ndarray) -> np.ndarray:
+    """Angle of a rotation [3, 3], [1] rad."""
+    return np.array([np.linalg.norm(so3_log(R))])
