@@ -1,34 +1,48 @@
 """Faults that only a series of a sensor's messages shows; odometry and IMU share it, so it stands alone."""
 
+from collections.abc import Callable
+
 _FRAMES = 30  # in a row without a reading
 _MOTIONS = 30  # before jumps are judged
 
 
 class SensorWatch:
-    """Notices faults of a track of messages. A subclass reports them; this class does not."""
+    """Notices faults of a track of messages.
 
-    def __init__(self) -> None:
+    Args:
+        report: gets a fault in a few words, and the rest of the sentence.
+    """
+
+    def __init__(self, report: Callable[[str, str], None] = lambda fault, rest: None) -> None:
+        self._report = report
         self._frames_without = self._motions = self._jumps = 0
+
+    def clock_set_back(self, seconds: float) -> None:
+        """Report that stamps went back by this time, and not because messages changed order."""
+        rest = f" by {seconds:.1f} s: motion is measured from the new time"
+        self._report("clock set back", rest)
 
     def asked(self, stamp_ns: int, newest_ns: int | None, *, is_known: bool) -> None:
         """Note stamps of a frame and of the newest message (None: none yet); `is_known`: it has a reading."""
-        is_missing = newest_ns is not None and not is_known
-        self._frames_without = self._frames_without + 1 if is_missing else 0
-        if newest_ns is not None and self._frames_without == _FRAMES:
-            self.not_near(_FRAMES, 1e-9 * (newest_ns - stamp_ns))
+        if newest_ns is None or is_known:
+            self._frames_without = 0
+            return
+        self._frames_without += 1
+        if self._frames_without == _FRAMES:
+            ahead_s = 1e-9 * (newest_ns - stamp_ns)
+            where = f"{abs(ahead_s):.2f} s {'after' if ahead_s > 0 else 'before'} the frame"
+            self._report(
+                "no message near the frames",
+                f": {_FRAMES} frames in a row, the newest message is {where}; expected stamps of the same "
+                "clock",
+            )
 
     def moved(self, *, is_jump: bool) -> None:
-        """Note a motion between two messages."""
+        """Note a motion between two messages; a jump is too fast for a robot."""
         self._motions += 1
         self._jumps += is_jump
         if self._motions == _MOTIONS and self._jumps > _MOTIONS // 2:
-            self.jumps(self._jumps, _MOTIONS)
-
-    def clock_set_back(self, seconds: float) -> None:
-        """Stamps went back by this time, and not because messages changed order."""
-
-    def not_near(self, frames: int, ahead_s: float) -> None:
-        """This many frames in a row have no message near; the newest is this time after the last of them."""
-
-    def jumps(self, count: int, motions: int) -> None:
-        """`count` of the first `motions` motions are too fast for a robot."""
+            self._report(
+                "too fast for a robot",
+                f": {self._jumps} of {_MOTIONS} motions count as jumps; expected metres and radians",
+            )

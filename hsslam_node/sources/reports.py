@@ -39,33 +39,14 @@ class Reports:
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
 
-class ReportedSensor(SensorWatch):
-    """Reports faults of the messages of a topic."""
+def sensor_watch(topic: str, tell: Callable[[Report], None]) -> SensorWatch:
+    """A watch of the messages of a topic; `tell` gets a report of each fault."""
 
-    def __init__(self, topic: str, tell: Callable[[Report], None]) -> None:
-        super().__init__()
-        self._topic = topic
-        self._tell = tell
+    def report(fault: str, rest: str) -> None:
+        kind = f"{topic}: {fault}"
+        tell(Report(kind, kind + rest))
 
-    def clock_set_back(self, seconds: float) -> None:
-        self._report("clock set back", f" by {seconds:.1f} s: motion is measured from the new time")
-
-    def not_near(self, frames: int, ahead_s: float) -> None:
-        where = f"{abs(ahead_s):.2f} s {'after' if ahead_s > 0 else 'before'} the frame"
-        self._report(
-            "no message near the frames",
-            f": {frames} frames in a row, the newest message is {where}; expected stamps of the same clock",
-        )
-
-    def jumps(self, count: int, motions: int) -> None:
-        self._report(
-            "too fast for a robot",
-            f": {count} of {motions} motions count as jumps; expected metres and radians",
-        )
-
-    def _report(self, fault: str, text: str) -> None:
-        kind = f"{self._topic}: {fault}"
-        self._tell(Report(kind, kind + text))
+    return SensorWatch(report)
 
 
 def reports_of(source: Source) -> Reports:

@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
-from hsslam_node.sources.reports import Report, ReportedSensor
+from hsslam_node.sources.reports import Report, sensor_watch
 from hsslam_proto.messages import ImuSamples
 from hsslam_services.bus.subscription import Subscription
 
@@ -31,7 +31,7 @@ class ImuInlet:
         self._messages, self._tell = messages, tell
         self._track = ImuTrack(
             mounting("--camera-T-imu", camera_T_imu),
-            ReportedSensor(messages.topic.name, tell),
+            sensor_watch(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

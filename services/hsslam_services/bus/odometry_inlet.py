@@ -7,7 +7,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_node.sources.reports import Report, ReportedSensor
+from hsslam_node.sources.reports import Report, sensor_watch
 from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.subscription import Subscription
@@ -33,7 +33,7 @@ class OdometryInlet:
         self._track = OdometryTrack(
             RobotFrames.mounted(base_T_camera).T_base_cam,
             noise,
-            ReportedSensor(messages.topic.name, tell),
+            sensor_watch(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

@@ -13,7 +13,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.reports import USUAL_SHARE, Report, ReportedSensor, Reports
+from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports, sensor_watch
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
@@ -138,10 +138,10 @@ class BagSource(ReadsInTime):
         """Sensors beside the camera, by topic."""
         sensors: dict[str, RosOdometry | RosImu] = {}
         if topic := self._odometry_topic:
-            sensors[topic] = RosOdometry(self._options, ReportedSensor(topic, self.reports.add))
+            sensors[topic] = RosOdometry(self._options, sensor_watch(topic, self.reports.add))
         if topic := self._imu_topic:
             mounted_at = partial(self._mountings.between, self._camera_frame)
-            watch = ReportedSensor(topic, self.reports.add)
+            watch = sensor_watch(topic, self.reports.add)
             sensors[topic] = RosImu(self._options, mounted_at, watch)
         return sensors
 

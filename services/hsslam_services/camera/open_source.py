@@ -30,16 +30,13 @@ def open_any_source(
     """
     source = open_source(spec, options, should_stop, ALL_SOURCES)
     width_px, height_px = source.camera.width_px, source.camera.height_px
+    images = f"source {source.name}: images of {width_px}x{height_px} pixels"
     if max(width_px, height_px) > LARGEST_SIDE_PX or width_px * height_px > LARGEST_IMAGE_PX:
         raise UserError(
-            f"source {source.name}: images of {width_px}x{height_px} pixels: expected at most "
-            f"{LARGEST_SIDE_PX} a side and {1e-6 * LARGEST_IMAGE_PX:.1f} million"
+            f"{images}: expected at most {LARGEST_SIDE_PX} a side and {1e-6 * LARGEST_IMAGE_PX:.1f} million"
         )
     if min(width_px, height_px) < _SMALLEST_SIDE_PX:
-        raise UserError(
-            f"source {source.name}: images of {width_px}x{height_px} pixels: expected at least "
-            f"{_SMALLEST_SIDE_PX} a side"
-        )
+        raise UserError(f"{images}: expected at least {_SMALLEST_SIDE_PX} a side")
     return source
 
 
@@ -63,6 +60,7 @@ def check_source_exists(options: ServeOptions) -> None:
             raise UserError(f"--mask {mask}: no such file: expected an image of the camera's size")
     elif options.has_camera_process:
         source = open_any_source(options.source, replace(options.source_options, noise="none"))
+        if source.frame_count == 0 and options.start:
+            raise UserError(f"--start {options.start}: source {options.source} has fewer frames")
         if source.frame_count == 0:
-            fault = f"--start {options.start}: source {options.source} has fewer frames"
-            raise UserError(fault if options.start else f"source {options.source} has no frames")
+            raise UserError(f"source {options.source} has no frames")

@@ -13,7 +13,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.reports import Report, ReportedSensor, Reports
+from hsslam_node.sources.reports import Report, Reports, sensor_watch
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
@@ -59,7 +59,7 @@ class Ros2Sensors:
             )
         self._sensors = [
             _Sensor(
-                *(option, topic, kind, make(options, ReportedSensor(topic, reports.add))),
+                *(option, topic, kind, make(options, sensor_watch(topic, reports.add))),
                 session.declare_subscriber(
                     topic_keys(ros2.domain, topic), zenoh.handlers.RingChannel(_RING)
                 ),

@@ -91,7 +91,7 @@ def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
     _import(_IMPORTS)
     _load_kernels(Path(run_dir))
     return_free_memory()  # of the imports and the warm start
-    gc.freeze()  # a collection in a fork would copy each page that it visits; garbage is 1 MB of it
+    gc.freeze()  # a collection in a fork would copy each page that it visits; one here frees 1 MB in 0.2 s
     supervisor.setblocking(True)
     while True:
         request = waiting.pop(0) if waiting else _receive(supervisor)

@@ -39,6 +39,7 @@ class ProcessSpec:
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
     health_timeout_s: float = 15.0  # without a heartbeat, after the first
     stall_timeout_s: float = 150.0  # with heartbeats, but without a turn of the main loop
+    rendering_stall_timeout_s: float | None = None  # instead, if frames are tracked by rendering
     stop_timeout_s: float = 20.0  # to end, since the signal or the last turn of the main loop
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
@@ -87,7 +88,6 @@ ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     TRAJECTORY_SAVER: 60.0,  # and some more for each pose
 }
 
-_RENDERING_STALL_S = 150.0  # a frame of a tracker by rendering takes seconds, more on a busy core
 _SAVED_POSES_PER_S = 10_000  # on a slow disk; an hour has 108 000 at 30 Hz
 
 
@@ -106,6 +106,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         ends_run=True,
         restarts_with_map=True,
         stall_timeout_s=10.0,  # a frame takes 10 ms, relocalisation a second
+        rendering_stall_timeout_s=150.0,  # a frame takes seconds, more on a busy core
     ),
     _row(
         "mapper",
@@ -196,6 +197,6 @@ def processes_of(options: ServeOptions) -> list[ProcessSpec]:
     if options.slam.tracker.method == "alignment":
         return specs
     return [
-        replace(spec, stall_timeout_s=_RENDERING_STALL_S) if spec.name == "tracker" else spec
+        replace(spec, stall_timeout_s=spec.rendering_stall_timeout_s or spec.stall_timeout_s)
         for spec in specs
     ]

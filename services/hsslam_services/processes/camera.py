@@ -131,18 +131,18 @@ def _run(worker: Worker) -> None:
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
     skipped.report_more()
-    if first_bad and not progress.sent and not worker.should_stop():
-        raise UserError(
-            f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"
-        )
     if not worker.should_stop():
-        _expect_all(worker, source, progress)
+        _expect_all(worker, source, progress, first_bad)
     _end(worker, progress, last_frame)
 
 
-def _expect_all(worker: Worker, source: Source, progress: CameraProgress) -> None:
+def _expect_all(worker: Worker, source: Source, progress: CameraProgress, first_bad: str) -> None:
     """Report a source that ended before its last frame, as that of a plugin may; raise UserError if it had
-    no frame."""
+    no usable frame. `first_bad`: the reason of the first unusable one."""
+    if first_bad and not progress.sent:
+        raise UserError(
+            f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"
+        )
     given, count = progress.next_index, source.frame_count
     if count is None or given >= count:
         return

@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import se3_exp, so3_exp
 from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.inertial.track import ImuTrack
-from hsslam_node.sources.reports import Report, ReportedSensor
+from hsslam_node.sources.reports import Report, sensor_watch
 
 _START_NS = 1_700_000_000_000_000_000
 _STEP_NS = 5_000_000
@@ -109,7 +109,7 @@ def test_a_reading_of_other_numbers_is_refused(numbers):
 
 def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
     told: list[Report] = []
-    track = ImuTrack(watch=ReportedSensor("imu", told.append))
+    track = ImuTrack(watch=sensor_watch("imu", told.append))
     series = []
     for turn_rate in (np.array([0.0, 0.5, 0.0]), np.zeros(3), np.zeros(3)):
         for k in range(400):  # 2 s, from the same stamp each time
@@ -129,7 +129,7 @@ def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
 
 def test_samples_of_another_clock_are_reported():
     told: list[Report] = []
-    track = ImuTrack(watch=ReportedSensor("imu", told.append))
+    track = ImuTrack(watch=sensor_watch("imu", told.append))
     for k in range(40):
         track.add(k * _STEP_NS, np.zeros(3), _UP)
         assert track.at(k * _STEP_NS + 5_000_000_000) is None

@@ -10,7 +10,7 @@ from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp, transform
 from hsslam_node.odometry.reading import MotionSince, OdometryReading
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_node.sources.reports import Report, ReportedSensor
+from hsslam_node.sources.reports import Report, sensor_watch
 
 _SPEED = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.5])  # m/s and rad/s of a base that drives a curve
 _PERIOD_NS = 20_000_000
@@ -117,7 +117,7 @@ def test_after_a_jump_nothing_is_known_of_the_motion():
 
 def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
     told: list[Report] = []
-    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
     for k in range(150):  # 3 s at 1 m/s
         track.add(k * _PERIOD_NS, se3_exp(np.array([0.02 * k, 0.0, 0.0, 0.0, 0.0, 0.0])))
     assert not track.add(149 * _PERIOD_NS - 1_000_000_000, np.eye(4))  # overtaken on its way
@@ -186,7 +186,7 @@ def test_after_a_jump_nothing_is_read_ahead_of_it():
 
 def test_messages_of_another_clock_or_unit_are_reported():
     told: list[Report] = []
-    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
     for k in range(100):
         track.add(k * _PERIOD_NS + 3_600_000_000_000, se3_exp(0.02 * k * _SPEED))
         assert track.at(k * _PERIOD_NS) is None
@@ -195,7 +195,7 @@ def test_messages_of_another_clock_or_unit_are_reported():
     assert "30 frames in a row, the newest message is 3600.00 s after the frame" in report.text
 
     told.clear()
-    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
     for k in range(100):  # 1 m/s in millimetres
         track.add(k * _PERIOD_NS, transform(np.array([20.0 * k, 0.0, 0.0]), np.array([0, 0, 0, 1])))
     (report,) = told
@@ -205,7 +205,7 @@ def test_messages_of_another_clock_or_unit_are_reported():
 
 def test_a_gap_and_a_jump_are_no_fault():
     told: list[Report] = []
-    track = OdometryTrack(np.eye(4), watch=ReportedSensor("odom", told.append))
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
     for k in range(100):
         x = 0.02 * k + 50 * (k > 20)
         if not 30 < k < 59:

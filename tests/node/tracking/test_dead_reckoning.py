@@ -112,15 +112,18 @@ def test_noise_of_odometry_does_not_pull_what_the_camera_sees():
     assert with_poor.mean() < alone.mean() + 3e-4
 
 
-@pytest.mark.parametrize("fault", ["half the way", "another mounting", "standing"])
+def test_noisy_odometry_moves_like_the_camera():
+    _, results = _tracked(_frames(_wheels(0.1), covered=()))
+    assert not any(r.odometry_disagrees for r in results)
+
+
+@pytest.mark.parametrize("fault", ["a third of the way", "another mounting", "standing"])
 def test_odometry_that_moves_unlike_the_camera_is_found_out(fault: str):
-    sane = _tracked(_frames(_wheels(0.1), covered=()))[1]
-    assert not any(r.odometry_disagrees for r in sane)
     wrong = []
     for wheel in _wheels():
         T = wheel.T_odom_cam.copy()
-        if fault == "half the way":
-            T[:3, 3] *= 0.3
+        if fault == "a third of the way":
+            T[:3, 3] /= 3
         elif fault == "another mounting":
             T = T @ transform(np.zeros(3), np.array([0.5, -0.5, 0.5, 0.5]))
         else:

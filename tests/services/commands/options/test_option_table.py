@@ -78,6 +78,7 @@ def test_lines_become_options(line: str, expected: Sample):
         ("--json=yes", "--json: value: expected --json alone"),
         ("--outt x", "--outt: unknown option; did you mean --out?"),
         ("--limits 1 2", "--limits: unknown option; did you mean --inner.limits?"),
+        ("-- --json", "--json: is taken for a value, as it stands after --: expected it before --"),
     ],
 )
 def test_a_mistake_is_one_line(line: str, message: str):
