@@ -8,7 +8,10 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
+from hsslam_proto.request_messages import Ask
+from hsslam_proto.requests import PAUSE, RESUME
 from hsslam_proto.topics import EVENT, HEALTH, IMU, ODOMETRY, TOPICS
+from hsslam_services.bus.ask import ask
 from hsslam_services.processes.process_diagram import (
     ARENA_ARRAYS,
     process_diagram,
@@ -78,11 +81,23 @@ def test_the_table_of_topics_names_the_same_publishers():
 def test_processes_map_the_arrays_of_their_headers(serve):
     run = serve(*SMALL_ROOM, "--pace", "lockstep", "--frames", "16")
     seen: dict[str, set[str]] = {}
-    while run.process.poll() is None:
+
+    def look() -> None:
         for name in _HEADERS:
             if (pid := run.pid_of(name)) is not None:
                 seen.setdefault(name, set()).update(_mapped_groups(pid))
         time.sleep(0.1)  # the run needs the cores
+
+    def mesher_has_mapped_all() -> bool:
+        look()
+        return seen.get("mesher", set()) >= set(_HEADERS["mesher"].reads)
+
+    run.wait_for_poses(4)
+    ask(run.endpoint, "robot", PAUSE, Ask())  # else the run may end before the mesher gets a core
+    run.wait_until(mesher_has_mapped_all, timeout_s=120)
+    ask(run.endpoint, "robot", RESUME, Ask())
+    while run.process.poll() is None:
+        look()
     assert run.finish() == 0, run.stderr
     assert {"tracker", "mapper", "global_ba", "mesher", "camera"} <= set(seen)
     for name, groups in seen.items():
