@@ -164,10 +164,14 @@ class Slam:
         return self._newest_map().is_free(shapes)
 
     def render(
-        self, T_world_cam: ArrayLike, camera: Camera | None = None
+        self,
+        T_world_cam: ArrayLike,
+        camera: Camera | None = None,
+        *,
+        from_keyframes: bool = True,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
-        return self._newest_map().render(T_world_cam, camera)
+        return self._newest_map().render(T_world_cam, camera, from_keyframes=from_keyframes)
 
     def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
         """The coloured mesh of what the keyframes saw, or of everything; see `DenseMap.mesh`."""

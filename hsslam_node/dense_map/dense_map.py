@@ -27,6 +27,7 @@ from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_node.presets import REALTIME
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
+from hsslam_node.rendering.view_blending import blend_views
 
 _BEYOND_M = 1e9  # farther than any map, and far below overflow
 
@@ -147,14 +148,25 @@ class DenseMap:
         return are_free(shapes, ask)
 
     def render(
-        self, T_world_cam: ArrayLike, camera: Camera | None = None
+        self,
+        T_world_cam: ArrayLike,
+        camera: Camera | None = None,
+        *,
+        from_keyframes: bool = True,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] float32 m as seen from T_world_cam [4, 4].
 
-        Pixels without a surface are black, with depth 0. camera: None: that of the keyframes.
+        Pixels without a surface are black, with depth 0.
+
+        Args:
+            T_world_cam: pose of the view.
+            camera: of the view; None: that of the keyframes.
+            from_keyframes: take colours from the keyframes near the view (`blend_views`), and from the field
+                where none shows the surface. False: from the field alone.
 
         Raises:
-            UserError: the pose is no rotation and translation [4, 4]; the camera has a lens.
+            UserError: the pose is no rotation and translation [4, 4]; the camera has a lens; a keyframe of a
+                file is damaged.
         """
         T = rigid_transform("T_world_cam", T_world_cam)
         camera = camera or self.camera.undistorted()
@@ -164,8 +176,14 @@ class DenseMap:
                 "Camera.undistorted()"
             )
         depth_m = self._rays.depth(camera, T)
-        color, _ = self._renderer.render(depth_m, camera, T)
-        return (255 * color + 0.5).astype(np.uint8), depth_m
+        images = self._keyframes.posed_images if from_keyframes else None
+        if images is None:
+            color = 255 * self._renderer.render(depth_m, camera, T)[0]
+        else:
+            color, is_shown = blend_views(depth_m, camera, T, images)
+            hidden_m = np.where(is_shown, np.float32(0), depth_m)
+            color += 255 * self._renderer.render(hidden_m, camera, T)[0]
+        return (color + 0.5).astype(np.uint8), depth_m
 
     def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
         """The coloured mesh of what the keyframes saw, by marching cubes of this size; may be empty.

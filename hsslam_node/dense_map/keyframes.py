@@ -1,8 +1,8 @@
-"""The keyframes of a map for its queries: poses and measured depth."""
+"""The keyframes of a map for its queries: poses, measured depth and colours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,12 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.meshing.depth_views import DepthViews
+from hsslam_node.rendering.view_blending import PosedImages
 
 _WIDTH_PX, _HEIGHT_PX, _FOCAL_PX = 640, 480, 525.0  # if the map stores no camera
 _VIEW_PX = 320  # width of the views of maps without images
-DepthOf = Callable[[int], np.ndarray]
+_HELD_IMAGES = 16  # decoded: the next view mostly needs the same ones
+ImageOf = Callable[[int], np.ndarray]
 CastDepth = Callable[[Camera, np.ndarray], np.ndarray]
 
 
@@ -23,14 +25,16 @@ CastDepth = Callable[[Camera, np.ndarray], np.ndarray]
 class MapKeyframes:
     """The keyframes of a map, all of one camera.
 
-    `depth_m(k)` is the planar depth [H, W] float32 m of the k-th one, 0 = no measurement.
+    `depth_m(k)` is the planar depth [H, W] float32 m of the k-th one, 0 = no measurement. `color(k)` is its
+    image [H, W, 3] uint8 RGB; None: the map has no images.
     """
 
     camera: Camera  # of the depth
     ids: np.ndarray  # [n] int64, in rising order; a keyframe keeps its id
     stamps_ns: np.ndarray  # [n] int64
     T_world_cam: np.ndarray  # [n, 4, 4]
-    depth_m: DepthOf
+    depth_m: ImageOf
+    color: ImageOf | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -40,18 +44,35 @@ class MapKeyframes:
         """Depth [H, W] m and T_world_cam [4, 4] of each."""
         return DepthViews(self.depth_m, self.T_world_cam)
 
+    @cached_property
+    def posed_images(self) -> PosedImages | None:
+        """Colour, depth and pose of each, without the last ones read twice; None: the map has no images."""
+        if (color := self.color) is None:
+            return None
+
+        def image(k: int) -> tuple[np.ndarray, np.ndarray]:
+            return color(k), self.depth_m(k)
+
+        return PosedImages(self.camera, self.T_world_cam, lru_cache(_HELD_IMAGES)(image))
+
 
 def keyframes_of_store(store: KeyframeStore) -> MapKeyframes:
     """The keyframes kept now; one that is retired later has no depth, as others see its surfaces."""
-    ids = store.kept()
+    ids, camera = store.kept(), store.camera
 
     def depth_m(k: int) -> np.ndarray:
         try:
             return store.frame(int(ids[k])).depth_m()
         except RetiredKeyframeError:
-            return np.zeros((store.camera.height_px, store.camera.width_px), np.float32)
+            return np.zeros((camera.height_px, camera.width_px), np.float32)
 
-    return MapKeyframes(store.camera, ids, store.stamps_ns()[ids], store.poses_of(ids), depth_m)
+    def color(k: int) -> np.ndarray:
+        try:
+            return store.frame(int(ids[k])).color
+        except RetiredKeyframeError:
+            return np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
+
+    return MapKeyframes(camera, ids, store.stamps_ns()[ids], store.poses_of(ids), depth_m, color)
 
 
 def keyframes_of_checkpoint(
@@ -63,12 +84,27 @@ def keyframes_of_checkpoint(
     and T_world_cam [4, 4], once a keyframe.
     """
     camera, poses = camera_of(checkpoint), checkpoint.T_world_keyframe
-    depth_m = _measured_depth(checkpoint, path, camera)
-    if depth_m is None:
+    ids, stamps_ns, images = np.arange(len(poses)), checkpoint.keyframe_stamps_ns, checkpoint.images
+    if images is None:
         camera = camera.scaled(min(1.0, _VIEW_PX / camera.width_px))
         depth_m = cache(lambda k: cast_depth(camera, poses[k]))
-    ids = np.arange(len(poses))
-    return MapKeyframes(camera, ids, checkpoint.keyframe_stamps_ns, poses, depth_m)
+        return MapKeyframes(camera, ids, stamps_ns, poses, depth_m)
+    scale = np.float32(1.0 / images.depth_units_per_m)  # as of a Frame
+
+    def read(image_of: ImageOf, k: int) -> np.ndarray:
+        try:
+            image = image_of(k)
+        except ValueError as error:
+            raise UserError(f"{path}: damaged map: {error}") from None
+        if image.shape[:2] != (camera.height_px, camera.width_px):
+            raise UserError(f"{path}: damaged map: keyframe {k} has another size than its camera")
+        return image
+
+    return MapKeyframes(
+        camera, ids, stamps_ns, poses,
+        depth_m=lambda k: read(images.depth_raw, k) * scale,
+        color=lambda k: read(images.color_rgb, k),
+    )  # fmt: skip
 
 
 def camera_of(checkpoint: MapCheckpoint) -> Camera:
@@ -76,21 +112,3 @@ def camera_of(checkpoint: MapCheckpoint) -> Camera:
     center = (_WIDTH_PX - 1) / 2, (_HEIGHT_PX - 1) / 2
     usual = Camera(_WIDTH_PX, _HEIGHT_PX, _FOCAL_PX, _FOCAL_PX, *center)
     return checkpoint.camera or usual
-
-
-def _measured_depth(checkpoint: MapCheckpoint, path: Path, camera: Camera) -> DepthOf | None:
-    """Returns the depth of the images; None if the map has none."""
-    images = checkpoint.images
-    if images is None:
-        return None
-
-    def depth_m(k: int) -> np.ndarray:
-        try:
-            depth_raw = images.depth_raw(k)
-        except ValueError as error:
-            raise UserError(f"{path}: damaged map: {error}") from None
-        if depth_raw.shape != (camera.height_px, camera.width_px):
-            raise UserError(f"{path}: damaged map: keyframe {k} has another size than its camera")
-        return depth_raw * np.float32(1.0 / images.depth_units_per_m)  # as of a Frame
-
-    return depth_m

@@ -11,11 +11,18 @@ import numpy as np
 import trimesh
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.consistency import START_EVERY, Consistency, consistency
 from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
-from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
+from hsslam_node.evaluation.image_quality import (
+    EVERY,
+    ImageQuality,
+    field_drawer,
+    image_qualities,
+    view_drawer,
+)
 from hsslam_node.evaluation.mesh.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
 from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdfs
 from hsslam_node.evaluation.scores import protocol
@@ -55,7 +62,8 @@ class Wanted:
 
     depth_views: int = DEPTH_VIEWS  # virtual views of the depth error; 0: no depth error
     cull_views: int = CULL_VIRTUAL  # virtual views that cull meshes in the literature's protocol
-    rendering: bool = True
+    rendering: bool = True  # by the field alone
+    views: bool = True  # as users draw them, if `rendering`: takes as long again
     consistency: bool = True
     tsdfs: tuple[TsdfOptions, ...] = ()  # TSDFs to compare with
     seed: int = 0  # of samples and virtual views
@@ -109,8 +117,8 @@ class Evaluator:
         for options in self._wanted.tsdfs:
             scores = {} if judge is None else self._mesh_figures(judge, meshes[options.name])
             figures.setdefault("tsdf", {})[options.name] = {"options": options, **scores}
-        if self._wanted.rendering and (found := self._image_quality()):
-            figures["rendering"] = found
+        if self._wanted.rendering:
+            figures |= self._image_qualities()
         if self._wanted.consistency and (found := self._consistency()):
             figures["consistency"] = found
         if len(figures) == 1:
@@ -179,20 +187,23 @@ class Evaluator:
             found["depth_l1"] = judge.score_depth(mesh, self._wanted.depth_views, self._track)
         return found
 
-    def _image_quality(self) -> ImageQuality | None:
+    def _image_qualities(self) -> dict[str, ImageQuality]:
         """Of every fifth frame that is no keyframe; of frames between these if all are keyframes."""
         s = self._subject
         if s.map is None or s.slam is None or not s.map.exists() or self._final is None:
-            return None
+            return {}
         checkpoint = load_checkpoint(s.map)
         keyframes = set(checkpoint.keyframe_stamps_ns.tolist())
         # with those that were retired, which the map learned from too
         if "keyframes" in s.trajectories:
             keyframes |= set(s.trajectories["keyframes"].stamps_ns.tolist())
-        found = image_quality(checkpoint, s.slam, self._frames_but(keyframes))
-        if found.images:
+        drawers = {"rendering": field_drawer(checkpoint, s.slam)}
+        if self._wanted.views:
+            drawers["views"] = view_drawer(SavedMap(s.map, checkpoint, "cpu"))
+        found = image_qualities(drawers, self._frames_but(keyframes))
+        if found["rendering"].images:
             return found
-        return image_quality(checkpoint, s.slam, self._frames_but(keyframes, EVERY // 2))
+        return image_qualities(drawers, self._frames_but(keyframes, EVERY // 2))
 
     def _frames_but(
         self, keyframes: set[int], first: int = 0

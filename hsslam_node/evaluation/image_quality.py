@@ -1,18 +1,21 @@
 """How well the map renders frames that it did not learn from."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.frame import Frame
 from hsslam_node.map.checkpoint import MapCheckpoint
 
 EVERY = 5  # each 5th frame is drawn if it is no keyframe
 _WINDOW_PX = 7
+# of a frame and its T_world_cam [4, 4], the image [H, W, 3] 0..1 that a map draws in its place
+Draw = Callable[[Frame, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -25,34 +28,52 @@ class ImageQuality:
     images: int
 
 
-def image_quality(
-    checkpoint: MapCheckpoint, config: SlamConfig, frames: Iterable[tuple[Frame, np.ndarray]]
-) -> ImageQuality:
-    """PSNR, SSIM (grey, 7 x 7 windows) of frames drawn from their T_world_cam [4, 4].
+def field_drawer(checkpoint: MapCheckpoint, config: SlamConfig) -> Draw:
+    """Draws frames by volume rendering of the field alone, as the literature does.
 
-    Samples of a ray are placed by the pixel's measured depth, as in the mapping. Pixels without depth
-    do not count (windows of the SSIM have the frame's own).
+    The pixel's measured depth places the samples of a ray, as in the mapping.
     """
     renderer = MapRenderer(checkpoint.layout, checkpoint.params, config.sampling)
-    rows = []
+
+    def draw(frame: Frame, T_world_cam: np.ndarray) -> np.ndarray:
+        return renderer.render(frame.depth_m(), frame.camera, T_world_cam)[0]
+
+    return draw
+
+
+def view_drawer(dense_map: DenseMap) -> Draw:
+    """Draws frames by `DenseMap.render`: on the map's own surface, with colours of keyframes."""
+
+    def draw(frame: Frame, T_world_cam: np.ndarray) -> np.ndarray:
+        return dense_map.render(T_world_cam, frame.camera)[0] / np.float32(255)
+
+    return draw
+
+
+def image_qualities(
+    drawers: Mapping[str, Draw], frames: Iterable[tuple[Frame, np.ndarray]]
+) -> dict[str, ImageQuality]:
+    """PSNR, SSIM (grey, 7 x 7 windows) of frames drawn from their T_world_cam [4, 4], by drawer.
+
+    Pixels without depth do not count (windows of the SSIM have the frame's own).
+    """
+    rows: dict[str, list[tuple[float, float, float]]] = {name: [] for name in drawers}
     for frame, T_world_cam in frames:
         drawn = frame.depth_raw > 0
-        color, _ = renderer.render(frame.depth_m(), frame.camera, T_world_cam)
         if not drawn.any():
             continue
         true = frame.color.astype(np.float64) / 255.0
-        rows.append(
-            (
-                psnr_db(color[drawn], true[drawn]),
-                ssim(np.where(drawn[..., None], color, true), true, drawn),
-                float(drawn.mean()),
-            )
-        )
-    if not rows:
-        nan = float("nan")
-        return ImageQuality(nan, nan, nan, 0)
-    psnr, similarity, share = np.mean(rows, axis=0)
-    return ImageQuality(float(psnr), float(similarity), float(share), len(rows))
+        for name, draw in drawers.items():
+            color = draw(frame, T_world_cam)
+            similarity = ssim(np.where(drawn[..., None], color, true), true, drawn)
+            rows[name].append((psnr_db(color[drawn], true[drawn]), similarity, drawn.mean()))
+    return {name: _mean(scores) for name, scores in rows.items()}
+
+
+def _mean(scores: Sequence[tuple[float, float, float]]) -> ImageQuality:
+    """Of PSNR, SSIM and share of pixels with depth of each image."""
+    psnr, similarity, share = np.mean(scores, axis=0) if scores else [np.nan] * 3
+    return ImageQuality(float(psnr), float(similarity), float(share), len(scores))
 
 
 def psnr_db(image: np.ndarray, true: np.ndarray) -> float:

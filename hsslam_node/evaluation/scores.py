@@ -33,7 +33,8 @@ def protocol() -> dict[str, Any]:
         f"{np.rad2deg(TURNED_RAD):.0f} degrees, {LEAST_OBSERVED:.0%} of its pixels observed",
         "depth_l1": "pixels whose true surface a given camera observed; a hole counts in full",
         "rendering": f"every {image_quality.EVERY}th frame that was no keyframe, or frames between if all "
-        "were; pixels with depth",
+        "were; pixels with depth, which places the samples of the field",
+        "views": "the same frames and pixels, drawn by the map alone: its surface, colours of keyframes",
         "consistency": f"a pair every {consistency.START_EVERY} frames, pixels within "
         f"{100 * consistency.SAME_SURFACE_M:g} cm in depth: median over pairs of the median depth "
         "difference; mean over pairs of 1 - NCC of grey values",

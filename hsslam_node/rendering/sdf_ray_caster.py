@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 
 from hsslam_node.geometry.bound import Bound
@@ -10,6 +11,8 @@ from hsslam_node.geometry.camera import Camera
 _NEAREST_M = 0.1  # in front of the camera
 _SHORTEST_STEP = 0.2  # in truncations; the longest is one
 _MOST_CASTS = 8  # of a ray, each from behind a surface that does not count
+_SPARSE_PX = 4  # between the rays of an image that start at the camera
+_MARGIN = 2.0  # in truncations: other rays start as far in front of what these have found
 
 
 class SdfRayCaster:
@@ -29,16 +32,37 @@ class SdfRayCaster:
         self._truncation_m = truncation_m
 
     def depth(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
-        """Planar depth [H, W] float32 m of the surface from T_world_cam [4, 4]; 0: none."""
-        v, u = np.divmod(np.arange(camera.width_px * camera.height_px), camera.width_px)
+        """Planar depth [H, W] float32 m of the surface from T_world_cam [4, 4]; 0: none.
+
+        Every fourth ray of every fourth row starts at the camera. The others start in front of the nearest
+        surface that these found around them, if they start in free space there.
+        """
+        shape = (camera.height_px, camera.width_px)
+        v, u = np.mgrid[: shape[0], : shape[1]]
         rays = np.stack(
-            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))], axis=1
+            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(shape)], axis=-1
         )
-        rays = rays @ T_world_cam[:3, :3].T  # [R, 3], per metre of depth
+        rays = rays @ T_world_cam[:3, :3].T  # [H, W, 3], per metre of depth
         origins = np.broadcast_to(T_world_cam[:3, 3], rays.shape)
-        near, far = self._reach(origins, rays)
-        depth = self._march(origins, rays, np.maximum(near, _NEAREST_M), far)
-        return depth.astype(np.float32).reshape(camera.height_px, camera.width_px)
+        near, far = self._reach(origins, rays)  # [H, W]
+        near = np.maximum(near, _NEAREST_M)
+        few = np.s_[::_SPARSE_PX, ::_SPARSE_PX]
+        sparse = self._march(
+            origins[few].reshape(-1, 3),
+            rays[few].reshape(-1, 3),
+            near[few].ravel(),
+            far[few].ravel(),
+        )
+        start = near.ravel()
+        before = (
+            _before(sparse.reshape(near[few].shape), shape).ravel() - _MARGIN * self._truncation_m
+        )
+        origins, rays = origins.reshape(-1, 3), rays.reshape(-1, 3)
+        ahead = np.flatnonzero(before > start)
+        ahead = ahead[self._ask(origins[ahead], rays[ahead], before[ahead]) > 0]
+        start[ahead] = before[ahead]
+        depth = self._march(origins, rays, start, far.ravel())
+        return depth.astype(np.float32).reshape(shape)
 
     def distances(
         self,
@@ -66,12 +90,12 @@ class SdfRayCaster:
         return distance_m
 
     def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths [R] at which rays enter and leave the bound."""
+        """Depths [...] at which rays [..., 3] enter and leave the bound."""
         with np.errstate(divide="ignore", invalid="ignore"):
             low = (np.asarray(self._bound.low) - origins) / rays
             high = (np.asarray(self._bound.high) - origins) / rays
-        first = np.fmin(low, high).max(axis=1)
-        last = np.fmax(low, high).min(axis=1)
+        first = np.fmin(low, high).max(axis=-1)
+        last = np.fmax(low, high).min(axis=-1)
         return first, last
 
     def _march(
@@ -99,3 +123,9 @@ class SdfRayCaster:
 
     def _ask(self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray) -> np.ndarray:
         return self._query((origins + rays * z[:, None]).astype(np.float32)).astype(np.float64)
+
+
+def _before(sparse_m: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """For each pixel the least of the sparse depths [h, w] m around it, 0 if one of them has no surface."""
+    least_m = cv2.erode(sparse_m, np.ones((3, 3)))  # beyond the border: no limit
+    return least_m.repeat(_SPARSE_PX, axis=0).repeat(_SPARSE_PX, axis=1)[: shape[0], : shape[1]]

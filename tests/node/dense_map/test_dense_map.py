@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hsslam_node.dense_map.dense_map import DenseMap
-from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.shapes import Spheres
 from hsslam_node.dense_map.snapshot import map_snapshot
@@ -157,7 +157,37 @@ def test_a_view_is_what_the_camera_saw():
     assert np.median(np.abs(depth_m - true_m)[both]) < 0.01
     assert color.dtype == np.uint8 and color.shape == frame.color.shape
     difference = np.abs(color.astype(int) - frame.color)[both]
-    assert np.median(difference) < 25
+    field_color, field_m = _map().render(pose, from_keyframes=False)
+    np.testing.assert_array_equal(field_m, depth_m)
+    field_difference = np.abs(field_color.astype(int) - frame.color)[both]
+    assert np.median(field_difference) < 25
+    assert difference.mean() < 0.7 * field_difference.mean()
+
+
+def test_the_field_colours_what_no_keyframe_shows():
+    def holes(k: int) -> np.ndarray:
+        depth_m = keyframes_of_store(mapped_room().store).depth_m(k).copy()
+        depth_m[:, : depth_m.shape[1] // 2] = 0
+        return depth_m
+
+    room, pose = mapped_room(), room_poses()[4]
+    whole = keyframes_of_store(room.store)
+    params = room.parameters.published()[1]
+
+    def view(keyframes: MapKeyframes, *, from_keyframes: bool = True) -> np.ndarray:
+        one_map = DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
+        return one_map.render(pose, from_keyframes=from_keyframes)[0]
+
+    field = view(whole, from_keyframes=False)
+    without_images = view(replace(whole, color=None))
+    np.testing.assert_array_equal(without_images, field)
+    only = replace(
+        whole, ids=whole.ids[1:2], stamps_ns=whole.stamps_ns[1:2],
+        T_world_cam=whole.T_world_cam[1:2], depth_m=lambda _: holes(1), color=lambda _: whole.color(1),
+    )  # fmt: skip
+    half = field.shape[1] // 2
+    np.testing.assert_array_equal(view(only)[:, : half - 1], field[:, : half - 1])
+    assert (view(only)[:, half + 1 :] != field[:, half + 1 :]).any(axis=2).mean() > 0.5
 
 
 def test_threads_may_render_at_once():

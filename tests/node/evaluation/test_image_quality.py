@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,15 @@ import torch
 from skimage.metrics import structural_similarity
 
 from hsslam_node.dense_map.map_renderer import MapRenderer
-from hsslam_node.evaluation.image_quality import image_quality, psnr_db, ssim
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.evaluation.image_quality import (
+    field_drawer,
+    image_qualities,
+    psnr_db,
+    ssim,
+    view_drawer,
+)
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.reference.field import HybridField
 from hsslam_node.reference.rendering import render_rays
@@ -74,12 +83,24 @@ def test_a_drawn_image_is_that_of_the_reference(checkpoint):
 
 def test_a_trained_map_draws_what_it_has_not_seen(checkpoint):
     held_out = [(room_frames()[k], room_poses()[k]) for k in (6, 14)]
-    found = image_quality(checkpoint, SMALL, held_out)
     blank = replace(checkpoint, params=np.zeros_like(checkpoint.params))
-    assert found.images == 2
-    assert found.psnr_db > image_quality(blank, SMALL, held_out).psnr_db + 3
-    assert found.pixels_ratio > 0.9
+    room = mapped_room()
+    with_images = map_snapshot(room.store, room.parameters, SMALL)
+    found = image_qualities(
+        {
+            "field": field_drawer(checkpoint, SMALL),
+            "blank": field_drawer(blank, SMALL),
+            "view": view_drawer(SavedMap(Path("m"), with_images, "cpu")),
+        },
+        held_out,
+    )
+    assert found["field"].images == 2
+    assert found["field"].psnr_db > found["blank"].psnr_db + 3
+    assert found["view"].psnr_db > found["field"].psnr_db
+    assert found["view"].ssim > found["field"].ssim + 0.01
+    assert found["field"].pixels_ratio == found["view"].pixels_ratio > 0.9
 
 
 def test_no_image_no_figure(checkpoint):
-    assert np.isnan(image_quality(checkpoint, SMALL, []).psnr_db)
+    found = image_qualities({"field": field_drawer(checkpoint, SMALL)}, [])["field"]
+    assert found.images == 0 and np.isnan(found.psnr_db)

@@ -29,7 +29,9 @@ class EvalOptions:
                                   views, after ICP: as Co-SLAM, ESLAM and HS-SLAM publish it
       completion      distance from the truth to the mesh, where the cameras saw it, by the same two
       depth L1        depth error in virtual views, where no camera was
-      PSNR, SSIM      frames that were no keyframes, rendered by the map (dB; -1 to 1)
+      PSNR, SSIM      frames that were no keyframes, rendered by the map (dB; -1 to 1):
+                      field alone    at the measured depth, as Co-SLAM, ESLAM and HS-SLAM publish it
+                      hsslam-render  on the map's own surface, with colours of the keyframes near the view
       consistency     difference in depth (mm) and 1 - NCC of grey values between frames 10, 30 and 100 apart,
                       by the poses alone; a pair needs both poses, and 1 % of the image within 10 cm
 

@@ -60,6 +60,9 @@ class RenderOptions:
     """Output file of a video of the images: .mp4 or .avi (none: no video)."""
     rate_hz: float = 30.0
     """Frame rate of the video, Hz."""
+    colors: Literal["keyframes", "field"] = "keyframes"
+    """keyframes: colours of the keyframes near each view, and of the field where none shows the surface;
+    field: of the field alone."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the map is rendered; auto: an NVIDIA GPU if one works."""
 
@@ -108,7 +111,7 @@ def _render(options: RenderOptions) -> None:
         raise UserError(f"--out {options.out}: {error.strerror}: expected a folder") from None
     with _video(options, camera, len(poses)) as film, terminal_progress() as progress:
         for k in progress.track(range(len(poses)), description="images"):
-            color, _ = saved.render(poses[k], camera)
+            color, _ = saved.render(poses[k], camera, from_keyframes=options.colors == "keyframes")
             image = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
             path = options.out / f"{k:06d}.png"
             try:

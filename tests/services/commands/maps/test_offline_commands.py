@@ -103,6 +103,21 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path, capsys):
     assert told == f"error: --out {out}: already has images: expected a new folder\n"
 
 
+def test_colours_of_the_keyframes_are_nearer_to_the_frame_than_those_of_the_field(
+    mapped_run, tmp_path
+):
+    poses = tmp_path / "poses.txt"
+    write_tum(poses, Trajectory(np.zeros(1, np.int64), room_poses()[6:7]))
+    errors = []
+    for colors in ("keyframes", "field"):
+        out = tmp_path / colors
+        words = ["--trajectory", str(poses), "--colors", colors, "-o", str(out), "--device", "cpu"]
+        render_command.main([str(mapped_run), *words])
+        image = cv2.cvtColor(cv2.imread(str(out / "000000.png")), cv2.COLOR_BGR2RGB)
+        errors.append(np.abs(image.astype(int) - room_frames()[6].color).mean())
+    assert errors[0] < 0.8 * errors[1]
+
+
 def test_a_video_that_the_disk_does_not_take_is_refused_and_the_older_one_stays(
     saved, tmp_path, capsys
 ):
