@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
+_SMALLEST_SIDE_PX = 8  # tracking begins with images of an eighth of the size
 _LARGEST_INDEX = 1 << 53  # as in messages: languages that have only doubles hold it exactly
 _LARGEST_STAMP_NS = (1 << 63) - 1
 _MOST_UNITS_PER_M = 1e9
@@ -74,4 +75,17 @@ def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type, i
         raise UserError(
             f"frame {index}: {name} is {array.dtype}{list(array.shape)}: "
             f"expected {np.dtype(dtype)}{list(shape)}"
+        )
+
+
+def expect_trackable(camera: Camera, where: str = "") -> None:
+    """Check that images are large enough to track.
+
+    Raises:
+        UserError: they are not; the text begins with `where`.
+    """
+    if min(camera.width_px, camera.height_px) < _SMALLEST_SIDE_PX:
+        size = f"{camera.width_px}x{camera.height_px}"
+        raise UserError(
+            f"{where}images of {size} pixels: expected at least {_SMALLEST_SIDE_PX} a side"
         )

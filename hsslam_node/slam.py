@@ -26,7 +26,7 @@ from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
-from hsslam_node.frame import Frame
+from hsslam_node.frame import Frame, expect_trackable
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator, MemoryAllocator
@@ -200,6 +200,7 @@ class Slam:
 
     def _process(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
+            expect_trackable(frame.camera)
             self.store = KeyframeStore.create(
                 self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
             )

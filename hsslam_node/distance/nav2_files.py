@@ -55,6 +55,10 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
             new_text.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
         raise UserError(f"{path}: cannot write the map: {error.strerror}") from None
+    except UnicodeEncodeError:
+        raise UserError(
+            f"{str(path)!a}: expected a name in UTF-8, as the map names its picture"
+        ) from None
     return picture
 
 

@@ -58,18 +58,22 @@ def frame_from_message(message: messages.Frame, publisher: int = 0) -> Frame:
     Raises:
         UserError: a compressed image cannot be read or has another size.
     """
-    camera = Camera(
-        message.width_px, message.height_px, message.fx, message.fy, message.cx, message.cy
-    )
     return Frame(
         index=message.index,
         stamp_ns=message.source_stamp_ns,
-        camera=camera,
+        camera=frame_camera(message),
         color=_owned(color_image(message)),
         depth_raw=_owned(depth_image(message)),
         depth_units_per_m=message.depth_units_per_m,
         odometry=_odometry_reading(message, publisher or message.publisher),
         imu=ImuReading(np.array(message.imu), message.imu_series) if message.imu else None,
+    )
+
+
+def frame_camera(message: messages.Frame) -> Camera:
+    """The camera of a frame message; UserError if it has numbers that no camera has."""
+    return Camera(
+        message.width_px, message.height_px, message.fx, message.fy, message.cx, message.cy
     )
 
 

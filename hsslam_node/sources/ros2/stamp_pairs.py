@@ -8,6 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 _KEPT = 16
 _STEPS = 16  # images whose distances in time give the usual one
+_RESET_NS = 10**9  # a stamp that goes back by more: a clock was set, or a simulation began again
 
 
 class Stamped(Protocol):
@@ -40,6 +41,7 @@ class StampPairs(Generic[T]):
 
     def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if it has come."""
+        self._forget_if_reset(image.stamp_ns, self._color_steps)
         self._color_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0] + 1, self.unpaired[1])
         depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
@@ -47,10 +49,19 @@ class StampPairs(Generic[T]):
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if it has come."""
+        self._forget_if_reset(image.stamp_ns, self._depth_steps)
         self._depth_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0], self.unpaired[1] + 1)
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else (color, image)
+
+    def _forget_if_reset(self, stamp_ns: int, steps: "_Steps") -> None:
+        """Forget all images from before a clock was set back, else they would pair with later ones."""
+        if stamp_ns < steps.last_ns - _RESET_NS:
+            for images, own in ((self._color, self._color_steps), (self._depth, self._depth_steps)):
+                if own.last_ns > stamp_ns + _RESET_NS:
+                    images.clear()
+                    own.clear()
 
     def _counterpart(self, image: T, same: deque[T], others: deque[T], steps: "_Steps") -> T | None:
         found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
@@ -84,6 +95,14 @@ class _Steps:
 
     def add(self, stamp_ns: int) -> None:
         self._stamps_ns.append(stamp_ns)
+
+    def clear(self) -> None:
+        self._stamps_ns.clear()
+
+    @property
+    def last_ns(self) -> float:
+        """The last stamp; minus infinity before the first."""
+        return self._stamps_ns[-1] if self._stamps_ns else -math.inf
 
     @property
     def usual_ns(self) -> float:

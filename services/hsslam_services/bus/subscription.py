@@ -132,7 +132,7 @@ class Subscription(Generic[M]):
         self._rejections.append(Rejected(self.topic.name, "sequence", f"{self.topic.name}: {text}"))
 
     def drop(self) -> None:
-        """Count a message as dropped after reading it, for the sake of a newer one."""
+        """Count a message as dropped after reading it: unusable, or older than one that waits."""
         with self._arrivals:
             self.dropped += 1
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hsslam_node.errors import UserError
+from hsslam_node.frame import expect_trackable
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
@@ -13,8 +14,6 @@ from hsslam_proto.frame_codec import LARGEST_IMAGE_PX
 from hsslam_proto.message import LARGEST_SIDE_PX
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import ALL_SOURCES, refuse_rate
-
-_SMALLEST_SIDE_PX = 8  # tracking begins with images of an eighth of the size
 
 
 def open_any_source(
@@ -35,8 +34,7 @@ def open_any_source(
         raise UserError(
             f"{images}: expected at most {LARGEST_SIDE_PX} a side and {1e-6 * LARGEST_IMAGE_PX:.1f} million"
         )
-    if min(width_px, height_px) < _SMALLEST_SIDE_PX:
-        raise UserError(f"{images}: expected at least {_SMALLEST_SIDE_PX} a side")
+    expect_trackable(source.camera, f"source {source.name}: ")
     return source
 
 

@@ -8,19 +8,39 @@ from typing import NoReturn
 _ONLY_MINE = 0o077  # folders 0700, files 0600
 
 
+class EarlySignals:
+    """Raises KeyboardInterrupt at SIGINT and SIGTERM before a run, and remembers it.
+
+    The import of a compiled module, such as those of numpy, may catch the exception and go on.
+    """
+
+    def __init__(self) -> None:
+        self._have_come = False
+        # without a handler, the kernel drops a SIGTERM to the first process of a container
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._hear)
+
+    def have_come(self) -> bool:
+        """Whether a signal has come, although the program goes on."""
+        return self._have_come
+
+    def _hear(self, *_: object) -> NoReturn:
+        self._have_come = True
+        raise KeyboardInterrupt
+
+
 def main() -> None:
     """Run the command; its exit codes are those of `ExitCode`."""
-    # without a handler, the kernel drops a SIGTERM to the first process of a container
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signals = EarlySignals()
     try:
         from hsslam_services.commands.cli import exit_code
 
-        sys.exit(exit_code(_serve))
+        sys.exit(exit_code(lambda: _serve(signals)))
     except KeyboardInterrupt:  # while Python starts
         _interrupted()
 
 
-def _serve() -> int:
+def _serve(signals: EarlySignals) -> int:
     try:
         if sys.argv[1:2] == ["warm-up"]:
             # no exception: the compiler catches some, and goes on
@@ -42,7 +62,7 @@ def _serve() -> int:
 
         writable_kernel_cache()
 
-        return Supervisor(options).run()
+        return Supervisor(options, signals.have_come).run()
     except KeyboardInterrupt:
         _interrupted()
 

@@ -50,6 +50,9 @@ class RunState:
     ba_rounds: int = 0
     started_s: float = field(default_factory=time.monotonic)
     recent: deque["PoseTimes"] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    newest_index: dict[int, int] = field(
+        default_factory=dict
+    )  # of poses, by publisher of the frames
     silence: Silence = field(default_factory=Silence)
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
 
@@ -86,15 +89,16 @@ class RunState:
         self.last_keyframe = -1
 
     def posed(self, pose: Pose, now_s: float) -> None:
-        """Take in a pose; `now_s`: monotonic clock."""
-        is_again = self.pose is not None and self.pose.publish_ns == pose.publish_ns
-        self.pose = pose
+        """Take in a pose; `now_s`: monotonic clock. The pose of a frame that was sent again counts once."""
         self.silence.posed()
+        if pose.index <= self.newest_index.get(pose.publisher, -1):
+            return
+        self.newest_index[pose.publisher] = pose.index
+        self.pose = pose
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
         latency_ms = max((pose.publish_ns - pose.stamp_ns) / 1e6, 0.0)  # < 0: a clock was set
-        if not is_again:
-            self.recent.append(PoseTimes(now_s, latency_ms))
+        self.recent.append(PoseTimes(now_s, latency_ms))
         self.latency_bins.add(latency_ms)
 
 

@@ -64,7 +64,7 @@ def process_section(
     `end_s`: time of the stop, by the monotonic clock.
     """
     end = state.source_end
-    frames: dict[str, int] = {}
+    frames = {"dropped": frames_dropped(children)}
     if end is not None:
         known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
         answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
@@ -114,7 +114,8 @@ def _sent(children: Mapping[str, Child], state: RunState) -> int:
 
 
 def frames_dropped(children: Mapping[str, Child]) -> int:
-    """Number of frames that the tracker missed, or that the camera skipped because the source is slow."""
+    """Number of frames that the tracker missed or could not use in real time, or that the camera skipped
+    because the source is slow."""
     missed = children["tracker"].missed(FRAME.name) if "tracker" in children else 0
     return missed + (children["camera"].counted("skipped") if "camera" in children else 0)
 

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -22,7 +21,7 @@ from hsslam_node.sources.source import (
     of_one_camera,
 )
 from hsslam_proto import messages
-from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.frame_codec import frame_camera, frame_from_message
 from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.topics import FRAME
 from hsslam_services.log.channel_copies import RUN_METADATA
@@ -59,14 +58,10 @@ class McapSource(ReadsInTime):
         self._rows = frozenset(options.selected(len(found)))
         if not self._rows:
             raise UserError(f"--start {options.start}: source mcap:{place} has {len(found)} frames")
-        first = next(islice(self._logged(), min(self._rows), None))
+        self.camera, self.depth_units_per_m = self._first_camera()
         self.stamps_ns, self.indices = np.array(found)[sorted(self._rows)].T
         self.has_one_camera = len(cameras) == 1
         self.frame_count: int | None = len(self._rows)
-        self.camera = Camera(
-            first.width_px, first.height_px, first.fx, first.fy, first.cx, first.cy
-        )
-        self.depth_units_per_m = first.depth_units_per_m
         self.rate_hz = median_rate_hz(self.stamps_ns[:_RATE_FRAMES])
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
@@ -87,6 +82,22 @@ class McapSource(ReadsInTime):
                     yield BadFrame(message.index, message.source_stamp_ns, str(error))
                 else:
                     yield of_one_camera(self, frame)
+
+    def _first_camera(self) -> tuple[Camera, float]:
+        """Camera and depth scale of the first selected frame whose camera is valid, as in the live run.
+
+        Raises:
+            UserError: none is valid; the error of the first one.
+        """
+        error: UserError | None = None
+        for row, message in enumerate(self._logged()):
+            if row not in self._rows:
+                continue
+            try:
+                return frame_camera(message), message.depth_units_per_m
+            except UserError as invalid:
+                error = error or invalid
+        raise UserError(f"source {self.name}: {error}")
 
     def _logged(self) -> Iterator[messages.Frame]:
         """Each frame once, not decoded; indices of a further camera continue after those of the last."""

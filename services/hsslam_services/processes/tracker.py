@@ -13,9 +13,8 @@ from functools import partial
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
-from hsslam_node.frame import Frame
+from hsslam_node.frame import Frame, expect_trackable
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.sources.reports import Report
 from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
@@ -27,6 +26,7 @@ from hsslam_proto.requests import LOCATE
 from hsslam_services.arena.asked_place import AskedPlace
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.bus.subscription import Subscription
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.governor.latency_governor import LatencyGovernor
@@ -53,7 +53,7 @@ def _run(worker: Worker) -> None:
     frames = worker.bus.subscribe(topics.FRAME, 4 if is_lockstep else DEPTH)
     incoming = frames if is_lockstep else TimelyFrames(frames)
     order = FrameOrder()
-    loop = _TrackerLoop(worker, order)
+    loop = _TrackerLoop(worker, frames, order)
     inlet = FrameInlet(frames, order, worker.run.camera_arena)
     warm = warm_start(worker.options.slam)
     if not warm.is_inherited:
@@ -70,8 +70,11 @@ def _run(worker: Worker) -> None:
 class _TrackerLoop:
     """Tracks one frame message at a time; resumes after a restart."""
 
-    def __init__(self, worker: Worker, order: FrameOrder) -> None:
+    def __init__(
+        self, worker: Worker, frames: Subscription[messages.Frame], order: FrameOrder
+    ) -> None:
         self._worker = worker
+        self._frames = frames
         self._order = order
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._mode = MapState(worker.run.arena_dir)
@@ -146,10 +149,11 @@ class _TrackerLoop:
 
     def _refuse(self, error: UserError, received: Received) -> None:
         """Drop an unusable frame; in lockstep, publish it as lost, as the run waits for its pose."""
-        index = received.message.index
-        self._worker.warn_once(Report("unusable frames", f"frame {index} dropped: {error}"))
-        if not self._is_realtime:
-            self._poses.put(TrackResult.without_map(index), received)
+        self._events.refused(received.message.index, error)
+        if self._is_realtime:
+            self._frames.drop()
+        else:
+            self._poses.put(TrackResult.without_map(received.message.index), received)
             self._order.take(received.place)
 
     def finish(self) -> None:
@@ -160,6 +164,7 @@ class _TrackerLoop:
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
+            expect_trackable(frame.camera)
             options = self._worker.options
             store = KeyframeStore.create(
                 self._worker.arena,

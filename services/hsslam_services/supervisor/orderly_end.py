@@ -38,9 +38,9 @@ class OrderlyEnd:
     `turn()` is one turn of the supervisor's loop; `run_alone(module, is_cancelled)` runs a process to its
     end, or until it is cancelled, and returns "" or the error; `signals()` is the number of stop signals so
     far. After the second signal only the trajectories are still saved, if they are not saved yet.
-    `not_saved` has the error of each missing artefact, `not_evaluated` the error of the evaluation, which
-    is no artefact. `done_s`: when each process had ended and each artefact was first saved, s since the
-    begin of the end.
+    `not_saved` has the error of each missing artefact, `given_up` names those that the second signal cut
+    short, `not_evaluated` has the error of the evaluation, which is no artefact. `done_s`: when each process
+    had ended and each artefact was first saved, s since the begin of the end.
     """
 
     run: RunInfo
@@ -51,6 +51,7 @@ class OrderlyEnd:
     signals: Callable[[], int]
     report: Callable[[str], None]
     not_saved: dict[str, str] = field(default_factory=dict)
+    given_up: list[str] = field(default_factory=list)
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
@@ -115,6 +116,9 @@ class OrderlyEnd:
             self.miss(artefact, error)
         elif error is not None:
             self.not_saved.pop(artefact, None)
+        elif artefact not in (*self.done_s, *self.not_saved, *self.given_up):
+            self.given_up.append(artefact)
+            self.report(f"{artefact} not saved: a second signal ended the run")
 
     def _evaluate(self) -> None:
         """Run the evaluator; if it fails, `hsslam-eval` can evaluate the saved results later."""

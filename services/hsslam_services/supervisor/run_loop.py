@@ -242,7 +242,8 @@ class RunLoop:
             self._info, self._children, self._listener.state, reason.text, stop_s
         )
         section |= self._memory.section() | self._gateway.section(self._children)
-        section |= {"not_saved": end.not_saved, "not_evaluated": end.not_evaluated}
+        section |= {"not_saved": end.not_saved, "given_up": end.given_up}
+        section |= {"not_evaluated": end.not_evaluated}
         section |= {"supervisor_failures": self._guard.failures, "end_s": end.done_s}
         section["exit_code"] = int(self._code(reason, is_saved=not end.not_saved))
         update_summary(path, section)

@@ -7,7 +7,7 @@ Arena: reads pose_log; writes map_state
 
 import contextlib
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import has_run_kernels
@@ -31,10 +31,14 @@ class Supervisor:
     """Runs until the source ends, a signal comes, or a failure ends the run; `run` returns the exit code.
 
     The first SIGINT, SIGTERM or SIGHUP stops in order, the second SIGINT or SIGTERM at once.
+    `was_interrupted`: whether a signal came before `run` hears them.
     """
 
-    def __init__(self, options: ServeOptions) -> None:
+    def __init__(
+        self, options: ServeOptions, was_interrupted: Callable[[], bool] = lambda: False
+    ) -> None:
         self._options = options
+        self._was_interrupted = was_interrupted
         self._signals = 0
 
     def run(self) -> ExitCode:
@@ -45,9 +49,12 @@ class Supervisor:
 
         Raises:
             UserError: the run cannot start.
+            KeyboardInterrupt: a signal came before the run.
         """
         check_source_exists(self._options)  # before signals are caught: it may start a download
         hear_stop_signals(self._signalled)
+        if self._was_interrupted():
+            raise KeyboardInterrupt
         allow_descriptors()
         prepared = prepare(self._options, lambda: self._signals > 0)
         info, arena = prepared.info, prepared.arena

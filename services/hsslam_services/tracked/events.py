@@ -2,12 +2,15 @@
 
 import math
 
+from hsslam_node.errors import UserError
 from hsslam_node.map.pose_log import Status
 from hsslam_node.sources.reports import Report
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_proto.frame_order import Place
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker
+
+_ROWS = [10**k for k in range(1, 9)]
 
 
 class TrackingEvents:
@@ -21,19 +24,39 @@ class TrackingEvents:
         self._knows_up = False  # reported
         self._warned: set[str] = set()  # of sensors
         self._heard = -1, -1  # publisher and source_stamp_ns of the frame before
+        self._refused = 0  # frames since the last usable one
+        self._gone: set[int] = set()  # publishers before that one
 
     def heard(self, place: Place, source_ns: int) -> None:
-        """Check a new frame: its source stamp must grow, as the tracker predicts motion by it."""
+        """Check a new frame: it must be of one camera, and its source stamp must grow, as the tracker
+        predicts motion by it."""
         before, self._heard = self._heard, (place.publisher, source_ns)
-        if before[0] == place.publisher and source_ns <= before[1]:
+        if before[0] != place.publisher:
+            self._gone.add(before[0])
+            if place.publisher in self._gone:
+                text = (
+                    f"frame {place.index} of camera {place.publisher} follows one of camera {before[0]}: "
+                    "two cameras send at once: expected one for each --robot"
+                )
+                self._worker.warn_once(Report("frames of another camera in turn", text))
+        elif source_ns <= before[1]:
             text = (
                 f"frame {place.index}: source_stamp_ns {source_ns} after {before[1]}: expected a later one; "
                 "without it the tracker predicts no motion"
             )
             self._worker.warn_once(Report("frames whose source_stamp_ns did not grow", text))
 
+    def refused(self, index: int, error: UserError) -> None:
+        """Report an unusable frame: the first, and the 10th, 100th, ... in a row without a usable one."""
+        self._worker.warn_once(Report("unusable frames", f"frame {index} dropped: {error}"))
+        self._refused += 1
+        if self._refused in _ROWS:
+            text = f"{self._refused} frames in a row dropped; the last, frame {index}: {error}"
+            self._worker.event("warning", text)
+
     def take(self, result: TrackResult) -> None:
         """Count and report the result of a frame."""
+        self._refused = 0
         self._count(result)
         self._report_fragment(result)
         self._report_status(result)

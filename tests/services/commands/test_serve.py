@@ -35,6 +35,19 @@ def terminated(arguments):
 serve_command_line.parse_command_line = terminated
 serve.main()
 """
+_SWALLOWED = """
+import os, signal
+from hsslam_services.commands import serve, serve_command_line
+parse = serve_command_line.parse_command_line
+def interrupted(arguments):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        pass  # as the import of a compiled module may do
+    return parse(arguments)
+serve_command_line.parse_command_line = interrupted
+serve.main()
+"""
 _SAME_RESULTS = (
     *("trajectory.txt", "trajectory_online.txt", "keyframes.txt"),
     *("map.safetensors", "mesh.ply"),
@@ -120,6 +133,13 @@ def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
     assert run.finish() == 0, run.stderr
     assert "Traceback" not in run.stderr
     run.expect_nothing_left()
+
+
+def test_ctrl_c_ends_the_start_though_an_import_catches_its_exception(tmp_path: Path):
+    command = [sys.executable, "-c", _SWALLOWED, *SMALL_ROOM, "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_sigterm_to_the_first_process_of_a_container_ends_its_start(tmp_path: Path):

@@ -72,6 +72,17 @@ def test_a_pose_that_is_sent_again_has_no_speed():
     assert state.fps(100.1) == pytest.approx(10)
 
 
+def test_frames_that_are_sent_again_count_once():
+    state = RunState()
+    for index in (0, 1, 2, 1, 2, 0, 3):
+        state.posed(_pose(index), 100.0 + index)
+    state.posed(
+        msgspec.structs.replace(_pose(0), publisher=5), 104.0
+    )  # a camera that was restarted
+    assert (state.tracked, state.lost, state.latency_bins.cumulative()[-1]) == (5, 0, 5)
+    assert state.pose is not None and state.pose.publisher == 5
+
+
 def test_rates_age_and_silence_is_seen():
     state = RunState()
     for index in range(30):

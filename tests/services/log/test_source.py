@@ -55,6 +55,20 @@ def test_the_frames_of_a_camera_that_began_anew_go_on_behind_the_last(tmp_path):
     assert [len(list(same)) for _, same in groupby(series)] == [3, 3, 2, 2]
 
 
+def test_a_first_frame_without_a_valid_camera_is_skipped_as_in_the_live_run(tmp_path):
+    sent = [msgspec.structs.replace(frame(0), fx=2e6), frame(1), frame(2)]
+    _write(tmp_path, sent, "png")
+    source = open_any_source(f"mcap:{tmp_path}")
+    items = list(source.frames())
+    assert isinstance(items[0], BadFrame) and "camera.fx = 2000000.0" in items[0].reason
+    assert [item.index for item in items[1:] if isinstance(item, Frame)] == [1, 2]
+    assert source.camera == frame_from_message(sent[1]).camera
+    (tmp_path / "none").mkdir()
+    _write(tmp_path / "none", sent[:1], "png")
+    with pytest.raises(UserError, match=r"source mcap:.*none: camera.fx = 2000000.0: expected"):
+        open_any_source(f"mcap:{tmp_path / 'none'}")
+
+
 def test_frames_of_another_camera_than_the_first_are_bad_ones(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
     sent = [frame(0), frame(1), frame(2, width_px=32, height_px=24), frame(3), frame(4)]

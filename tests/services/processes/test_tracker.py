@@ -5,12 +5,16 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog
 from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import FrameOrder, Place
 from hsslam_services.arena.shared_map import SharedMap
@@ -19,20 +23,20 @@ from hsslam_services.processes.tracker import _TrackerLoop
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.tracked.events import TrackingEvents
 
-_ROOM = SourceOptions(frames=4, synth=SynthOptions(width_px=160, height_px=120))
 _CAMERA = 7  # its number
+_IN_TURN = "frames of another camera in turn"
 _STOOD_STILL = "frames whose source_stamp_ns did not grow"
 
 
 def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[..., RunInfo]):
     run = make_run(pace="lockstep", slam=PRESETS["realtime"])
-    frames = [item for item in open_source("synth:room", _ROOM).frames() if isinstance(item, Frame)]
+    frames = _frames_of(160, 4)
     for k in (1, 2):
         frames[k] = replace(frames[k], camera=replace(frames[k].camera, fx=999.0))
     frames[3] = replace(frames[3], stamp_ns=frames[2].stamp_ns)
     with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
         order = FrameOrder()
-        loop = _TrackerLoop(worker, order)
+        loop = _TrackerLoop(worker, worker.bus.subscribe(topics.FRAME, 4), order)
         for frame in frames:
             message = frame_message(frame, time.time_ns(), _CAMERA)
             place = order.place(_CAMERA, frame.index, message.stamp_ns)
@@ -45,6 +49,51 @@ def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[...,
         assert worker.counters[_STOOD_STILL] == 1
 
 
+def test_a_camera_that_changes_is_reported_and_its_frames_count_as_dropped(
+    make_run: Callable[..., RunInfo],
+):
+    """The first frame is too small to track; from the third on, the camera has another resolution."""
+    run = make_run(slam=PRESETS["realtime"])
+    usual, changed = _frames_of(160, 2), _frames_of(80, 11)
+    camera = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
+    color, depth_raw = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)
+    tiny = replace(usual[0], camera=camera, color=color, depth_raw=depth_raw)
+    sent = [replace(frame, index=k) for k, frame in enumerate([tiny, *usual, *changed])]
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        frames, events = (
+            worker.bus.subscribe(topics.FRAME, 4),
+            worker.bus.subscribe(topics.EVENT, 64),
+        )
+        order = FrameOrder()
+        loop = _TrackerLoop(worker, frames, order)
+        for frame in sent:
+            message = frame_message(frame, time.time_ns(), _CAMERA)
+            loop.take(message, time.time_ns(), order.place(_CAMERA, frame.index, message.stamp_ns))
+        assert PoseLog(worker.arena).rows()["index"].tolist() == [1, 2]
+        assert frames.dropped == worker.counters["unusable frames"] == 12
+        told: list[str] = []
+        while not told or not told[-1].startswith("10 frames"):
+            event = events.wait(20.0)
+            assert event is not None, told
+            told += [event.text] * (event.level == "warning")
+    assert told[0].startswith("frame 0 dropped: images of 8x6 pixels: expected at least 8 a side")
+    assert told[-1].startswith("10 frames in a row dropped; the last, frame 12: ")
+
+
+def test_two_cameras_in_turn_are_reported_and_one_that_restarts_is_not(
+    make_run: Callable[..., RunInfo],
+):
+    run = make_run()
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        events = TrackingEvents(worker, SharedMap(worker.arena, worker.options.slam))
+        for index, camera in enumerate((7, 7, 8, 8, 9)):
+            events.heard(Place("new", camera, camera, index, 1), index)
+        assert worker.counters.get(_IN_TURN, 0) == 0
+        for index, camera in enumerate((8, 9, 8), 5):
+            events.heard(Place("new", camera, camera, index, 1), index)
+        assert worker.counters[_IN_TURN] == 3
+
+
 def test_a_clock_of_the_source_that_stands_still_is_counted(make_run: Callable[..., RunInfo]):
     """The driver sends 0 in each frame; another camera begins wherever its own clock is."""
     run = make_run()
@@ -53,3 +102,9 @@ def test_a_clock_of_the_source_that_stands_still_is_counted(make_run: Callable[.
         for camera, source_ns in ((7, 5), (7, 6), (8, 0), (8, 0), (8, 0)):
             events.heard(Place("new", camera, camera, 3, 1), source_ns)
         assert worker.counters[_STOOD_STILL] == 2
+
+
+def _frames_of(width_px: int, count: int) -> list[Frame]:
+    size = SynthOptions(width_px=width_px, height_px=3 * width_px // 4)
+    frames = open_source("synth:room", SourceOptions(frames=count, synth=size)).frames()
+    return [item for item in frames if isinstance(item, Frame)]

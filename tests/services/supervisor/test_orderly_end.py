@@ -26,5 +26,9 @@ def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_
     )
     end.to_the_end()
     assert list(end.not_saved) == ["trajectories", "map"]
-    assert lines[-1] == "map not saved: the disk is full"
+    assert lines[-2:] == [
+        "map not saved: the disk is full",
+        "mesh not saved: a second signal ended the run",
+    ]
+    assert end.given_up == ["mesh"]
     assert MESH_SAVER not in begun

@@ -83,3 +83,21 @@ def test_depth_that_is_always_late_waits_for_nothing():
     for stamp in stamps:
         assert pairs.add_color(image(stamp)) is None
         assert pairs.add_depth(image(stamp + 14)) is not None
+
+
+def test_a_clock_that_is_set_back_makes_earlier_images_forgotten():
+    """A simulation begins again between the colour and the depth image of 4 s."""
+    second, step = 10**9, 10**9 // 10
+    before = [(kind, k * step) for k in range(40) for kind in "cd"]
+    after = [(kind, k * step) for k in range(45) for kind in "cd"]
+    pairs = run(step // 4, *before, ("c", 4 * second), *after)
+    assert pairs == [(k * step,) * 2 for k in (*range(40), *range(45))]
+    stamps = StampPairs(step // 4)
+    told = {"c": stamps.add_color, "d": stamps.add_depth}
+    depths = []
+    for kind, stamp in [*before, ("d", 4 * second), *after]:
+        one = image(stamp)
+        pair = told[kind](one)
+        if pair is not None:
+            depths.append(pair[1] if kind == "c" else pair[0])
+    assert len({id(depth) for depth in depths}) == len(depths) == 85

@@ -1,5 +1,6 @@
 """`hsslam-map grid` and `esdf` on a map of the small room, against what its keyframes saw."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,14 @@ def test_up_is_against_gravity_if_the_map_knows_it(run_folder, tmp_path, capsys)
     out = str(tmp_path / "map.yaml")
     assert main(["grid", str(tmp_path / "known.safetensors"), "-o", out]) == 0
     assert f"up is {x:.3f} {y:.3f} {z:.3f} by its gravity, the floor at " in capsys.readouterr().out
+
+
+def test_a_name_that_yaml_cannot_hold_is_refused_in_one_line(run_folder, tmp_path, capsys):
+    out = os.fsdecode(os.fsencode(tmp_path) + b"/n\xff.yaml")
+    assert main(["grid", str(run_folder), "-o", out]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1 and "\\udcff.yaml': expected a name in UTF-8" in told[0]
+    assert not list(tmp_path.iterdir())
 
 
 def _looks_left() -> tuple[float, ...]:
