@@ -71,6 +71,11 @@ class Frame:
 
 
 def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type, index: int) -> None:
+    if not isinstance(array, np.ndarray):
+        raise UserError(
+            f"frame {index}: {name} is a {type(array).__name__}: expected a NumPy array, "
+            f"{np.dtype(dtype)}{list(shape)}"
+        )
     if array.shape != shape or array.dtype != dtype:
         raise UserError(
             f"frame {index}: {name} is {array.dtype}{list(array.shape)}: "

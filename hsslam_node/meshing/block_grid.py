@@ -24,8 +24,8 @@ class BlockGrid:
     """
 
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:
-        if not 0 < voxel_m < np.inf:
-            raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
+        if not (isinstance(voxel_m, int | float | np.number) and 0 < voxel_m < np.inf):
+            raise UserError(f"mesh.voxel_m = {voxel_m!r}: expected metres above 0")
         least_m = float(np.cbrt(np.prod(bound.extent_m) / _MOST_CELLS))
         if voxel_m < least_m:
             raise UserError(

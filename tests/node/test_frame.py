@@ -57,3 +57,9 @@ def test_numbers_of_numpy_become_those_of_python():
     assert [type(number) for number in numbers] == [int, int, float]
     of_camera = {type(getattr(same.camera, field.name)) for field in fields(same.camera)[:6]}
     assert of_camera == {int, float}
+
+
+def test_images_are_arrays():
+    frame = room_frames()[0]
+    with pytest.raises(UserError, match=r"frame 0: color is a list: expected a NumPy array, uint8"):
+        replace(frame, color=frame.color.tolist())

@@ -248,7 +248,7 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
             lambda m: m.render(np.eye(4), replace(m.camera, distortion=(0.3, 0.0, 0.0, 0.0))),
             r"camera.distortion = \[0.3, 0.0, 0.0, 0.0\]: expected a camera without a lens",
         ),
-        *((lambda m, v=v: m.mesh(v), "voxel_m = .*above 0") for v in (0.0, np.nan, np.inf)),
+        *((lambda m, v=v: m.mesh(v), "voxel_m = .*above 0") for v in (0.0, np.nan, np.inf, "0.1")),
         (lambda m: m.mesh(1e-9), "voxel_m = 1e-09: expected at least .* m in a map of this size"),
         (lambda m: m.mesh(1e-300, everywhere=True), "voxel_m = 1e-300: expected at least"),
     ],
