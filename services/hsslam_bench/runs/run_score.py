@@ -22,6 +22,7 @@ def main() -> None:
     wanted = Wanted(
         depth_views=0,
         rendering=what == "rendering",
+        views=what == "rendering",
         consistency=what == "consistency",
         tsdfs=TSDF_SETTINGS if with_tsdf else (),
     )

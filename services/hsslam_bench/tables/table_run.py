@@ -119,7 +119,7 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
     if (folder / _MAP).exists():
         trajectories = run_trajectories(folder)
         subject = Subject(job.source, job.frames, trajectories, map=folder / _MAP, slam=job.config)
-        figures = Evaluator(subject, Wanted(views=False, consistency=False)).evaluate().figures
+        figures = Evaluator(subject, Wanted(consistency=False)).evaluate().figures
         report["rendering"] = scores_as_json(figures.get("rendering", {}))
     return {"values": _accuracy(report), "details": {"evaluation": report}}
 

@@ -55,6 +55,7 @@ def _evaluate(options: EvalOptions) -> None:
         depth_views=options.depth_views,
         cull_views=options.cull_views,
         rendering=options.rendering,
+        views=options.views,
         consistency=options.consistency,
         tsdfs=options.tsdf_settings,
         seed=options.seed,

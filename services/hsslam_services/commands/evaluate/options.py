@@ -75,7 +75,9 @@ class EvalOptions:
     cull_views: int = 100
     """Number of virtual views that cull meshes in the literature's protocol."""
     rendering: bool = True
-    """Compute PSNR and SSIM if the run saved its map (about 1 s an image)."""
+    """Compute PSNR and SSIM of the field if the run saved its map (about 2 s an image)."""
+    views: bool = False
+    """Compute them also of views as hsslam-render draws them (about 3 s an image)."""
     consistency: bool = True
     """Compute the consistency of depth and colour between frames."""
     json: Path | None = None
@@ -88,6 +90,8 @@ class EvalOptions:
             raise UserError(f"--depth-views {self.depth_views}: expected 0 or more")
         if self.cull_views < 0:
             raise UserError(f"--cull-views {self.cull_views}: expected 0 or more")
+        if self.views and not self.rendering:
+            raise UserError("--views: expected without --no-rendering, or neither")
         if not 0 <= self.seed < 2**31:
             raise UserError(f"--seed {self.seed}: expected 0 to {2**31 - 1}")
 

@@ -1,11 +1,13 @@
 """`hsslam-eval` as a user runs it."""
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import msgspec
 import pytest
 import trimesh
+from rich.console import Console
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
@@ -16,6 +18,7 @@ from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.commands.evaluate.command import main
+from hsslam_services.commands.evaluate.table import eval_table
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
 from tests.few_samples import few_samples  # noqa: F401
@@ -158,6 +161,19 @@ def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):
     assert "no trajectory.txt" in capsys.readouterr().err
 
 
+def test_the_field_alone_and_views_are_two_lines_of_one_table():
+    field = {"psnr_db": 27.37, "ssim": 0.808, "pixels_ratio": 1.0, "images": 31}
+    console = Console(width=100, record=True, file=StringIO())
+    for table in eval_table({"rendering": field, "views": {**field, "psnr_db": 31.84}}):
+        console.print(table)
+    lines = [line.split() for line in console.export_text().splitlines() if "│" in line]
+    assert [line[1:-1] for line in lines] == [
+        ["field", "alone", "│", "27.37", "│", "0.808", "│", "100.0", "│", "31"],
+        ["hsslam-render", "│", "31.84", "│", "0.808", "│", "100.0", "│", "31"],
+    ]
+    assert len(eval_table({"rendering": field})) == 1 and not eval_table({})
+
+
 def test_a_log_that_does_not_tell_its_source_is_told_of_it(tmp_path, capsys):
     path = str(_log(tmp_path, {}))
     with pytest.raises(SystemExit) as end:
@@ -209,6 +225,7 @@ def _log(folder: Path, metadata: dict[str, str]) -> Path:
         (["--trajectory", "/there.txt", *_SOURCE], "there.txt"),
         (["--mesh", "m.ply", *_SOURCE, "--against", "tsdf"], "--trajectory"),
         (["--mesh", "m.ply", *_SOURCE, "--depth-view", "x"], "depth-view"),
+        (["--views", "--no-rendering"], "--views: expected without --no-rendering"),
         (["--trajectory", "TRAJECTORY", "--source", "synth:rom"], "synth:room"),
     ],
 )
