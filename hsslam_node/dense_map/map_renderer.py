@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import pixel_rays
 from hsslam_node.kernels.field.activations import FieldActivations, field_activations
 from hsslam_node.kernels.field.forward import field_forward
 from hsslam_node.kernels.field.layout import kernel_layout
@@ -41,11 +42,8 @@ class MapRenderer:
         for start in range(0, len(pixels), _CHUNK_RAYS):
             chunk = pixels[start : start + _CHUNK_RAYS]
             v, u = np.divmod(chunk, camera.width_px)
-            directions = np.stack(
-                [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(chunk))], 1
-            )
-            measured = depth_m.ravel()[chunk]
-            color[chunk], depth[chunk] = self._rays(directions, measured, T_world_cam, activations)
+            rays, measured_m = pixel_rays(u, v, camera), depth_m.ravel()[chunk]
+            color[chunk], depth[chunk] = self._rays(rays, measured_m, T_world_cam, activations)
         return np.clip(color, 0, 1).reshape(*depth_m.shape, 3), depth.reshape(depth_m.shape)
 
     def _rays(

@@ -6,6 +6,15 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transformed
 
 
+def pixel_rays(u: np.ndarray, v: np.ndarray, camera: Camera) -> np.ndarray:
+    """Rays [..., 3] float64 through pixels at columns u and rows v [...] px, in the camera's axes.
+
+    Each is one metre of planar depth long.
+    """
+    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    return np.stack([x, y, np.ones(x.shape)], axis=-1)
+
+
 def camera_points(depth_m: np.ndarray, camera: Camera, stride_px: int = 1) -> np.ndarray:
     """Points [N, 3] float64 m, in the camera's axes, of the pixels with depth, row by row.
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.geometry.projection import pixel_rays
 from hsslam_node.geometry.se3 import transformed
 from hsslam_node.map.store import KeyframeStore
 
@@ -55,10 +56,7 @@ def _cells(
     camera = store.camera
     depth = store.frame(keyframe).depth_m()[::_STRIDE_PX, ::_STRIDE_PX].astype(np.float64)
     v, u = np.mgrid[: depth.shape[0], : depth.shape[1]] * _STRIDE_PX
-    rays = np.stack(
-        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
-    )
-    points = transformed(T_world_cam, rays * depth[..., None])
+    points = transformed(T_world_cam, pixel_rays(u, v, camera) * depth[..., None])
     x, y, z = np.moveaxis(np.floor(points / _CELL_M).astype(np.int64) + (1 << _BITS - 1), -1, 0)
     cell = (x << 2 * _BITS) + (y << _BITS) + z
     return np.where((depth > 0) & (depth < max_depth_m), cell, -1).ravel()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import pixel_rays
 
 _STRIDE_PX = 8  # at 640 px width
 CELL_M = 0.12
@@ -22,9 +23,8 @@ def view_cells(frame: Frame, T_world_cam: np.ndarray, max_depth_m: float) -> np.
     depth = frame.depth_m()[::step, ::step].astype(np.float64)
     known = (depth > 0) & (depth < max_depth_m)
     v, u = (np.argwhere(known) * step).T
-    camera, z = frame.camera, depth[known]
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))], -1)
-    toward = (rays * z[:, None]) @ T_world_cam[:3, :3].T  # [N, 3] from the camera, world axes
+    points = pixel_rays(u, v, frame.camera) * depth[known][:, None]
+    toward = points @ T_world_cam[:3, :3].T  # [N, 3] from the camera, world axes
     place = np.floor((toward + T_world_cam[:3, 3]) / CELL_M).astype(np.int64) + (1 << _BITS - 1)
     octant = (toward > 0) @ np.array([1, 2, 4])
     away = np.linalg.norm(toward, axis=1)

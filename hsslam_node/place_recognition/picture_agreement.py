@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.projection import project
+from hsslam_node.geometry.projection import pixel_rays, project
 from hsslam_node.geometry.se3 import inverse
 
 _WIDTH_PX = 320  # of the images that are compared, at most
@@ -36,10 +36,7 @@ def picture_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -
     other, other_m = _small(second)
     camera = first.camera.scaled(grey.shape[1] / first.camera.width_px)
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]
-    rays = np.stack(
-        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
-    )
-    points = (rays * depth_m[..., None]).reshape(-1, 3)
+    points = (pixel_rays(u, v, camera) * depth_m[..., None]).reshape(-1, 3)
     at_u, at_v, z = (
         numbers.reshape(grey.shape) for numbers in project(points, camera, inverse(T_first_second))
     )

@@ -7,6 +7,7 @@ import numpy as np
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import pixel_rays
 
 _NEAREST_M = 0.1  # in front of the camera
 _SHORTEST_STEP = 0.2  # in truncations; the longest is one
@@ -39,30 +40,17 @@ class SdfRayCaster:
         """
         shape = (camera.height_px, camera.width_px)
         v, u = np.mgrid[: shape[0], : shape[1]]
-        rays = np.stack(
-            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(shape)], axis=-1
-        )
-        rays = rays @ T_world_cam[:3, :3].T  # [H, W, 3], per metre of depth
+        rays = pixel_rays(u, v, camera) @ T_world_cam[:3, :3].T  # [H, W, 3], per metre of depth
         origins = np.broadcast_to(T_world_cam[:3, 3], rays.shape)
         near, far = self._reach(origins, rays)  # [H, W]
         near = np.maximum(near, _NEAREST_M)
         few = np.s_[::_SPARSE_PX, ::_SPARSE_PX]
-        sparse = self._march(
-            origins[few].reshape(-1, 3),
-            rays[few].reshape(-1, 3),
-            near[few].ravel(),
-            far[few].ravel(),
-        )
-        start = near.ravel()
-        before = (
-            _before(sparse.reshape(near[few].shape), shape).ravel() - _MARGIN * self._truncation_m
-        )
-        origins, rays = origins.reshape(-1, 3), rays.reshape(-1, 3)
-        ahead = np.flatnonzero(before > start)
-        ahead = ahead[self._ask(origins[ahead], rays[ahead], before[ahead]) > 0]
-        start[ahead] = before[ahead]
-        depth = self._march(origins, rays, start, far.ravel())
-        return depth.astype(np.float32).reshape(shape)
+        sparse = self._march_image(origins[few], rays[few], near[few], far[few])
+        before = _least_around(sparse, shape) - _MARGIN * self._truncation_m
+        ahead = before > near
+        ahead[ahead] = self._ask(origins[ahead], rays[ahead], before[ahead]) > 0
+        start = np.where(ahead, before, near)
+        return self._march_image(origins, rays, start, far).astype(np.float32)
 
     def distances(
         self,
@@ -98,6 +86,13 @@ class SdfRayCaster:
         last = np.fmax(low, high).min(axis=-1)
         return first, last
 
+    def _march_image(
+        self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
+    ) -> np.ndarray:
+        """As `_march`, of rays [H, W, 3]."""
+        flat = origins.reshape(-1, 3), rays.reshape(-1, 3), z.ravel(), far.ravel()
+        return self._march(*flat).reshape(z.shape)
+
     def _march(
         self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
     ) -> np.ndarray:
@@ -125,7 +120,7 @@ class SdfRayCaster:
         return self._query((origins + rays * z[:, None]).astype(np.float32)).astype(np.float64)
 
 
-def _before(sparse_m: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def _least_around(sparse_m: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """For each pixel the least of the sparse depths [h, w] m around it, 0 if one of them has no surface."""
     least_m = cv2.erode(sparse_m, np.ones((3, 3)))  # beyond the border: no limit
     return least_m.repeat(_SPARSE_PX, axis=0).repeat(_SPARSE_PX, axis=1)[: shape[0], : shape[1]]

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.projection import project
+from hsslam_node.geometry.projection import pixel_rays, project
 from hsslam_node.geometry.se3 import inverse
 
 _TOGETHER, _ROUNDS = 8, 3  # views of a round; a round fills what the views before do not show
@@ -61,6 +61,8 @@ def blend_views(
         if len(unused) == 0 or left.sum() <= (1 - _FILLED) * left.size:
             break
         nearest = unused[_nearest(points[left], rays[left], images, unused)]
+        if len(nearest) == 0:
+            break
         unused = np.setdiff1d(unused, nearest)
         for k in nearest:
             seen, weight = _seen(points, rays, distance_m, images, int(k))
@@ -75,10 +77,7 @@ def blend_views(
 def _surface(depth_m: np.ndarray, camera: Camera, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points [H, W, 3] m, world, and the unit rays [H, W, 3] to them, float32."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px]
-    along = np.stack(
-        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
-    )
-    along = (along @ T[:3, :3].T).astype(np.float32)
+    along = (pixel_rays(u, v, camera) @ T[:3, :3].T).astype(np.float32)
     points = depth_m[..., None] * along + T[:3, 3].astype(np.float32)
     return points, along / np.linalg.norm(along, axis=-1, keepdims=True)
 
@@ -95,8 +94,8 @@ def _nearest(
         u, v, z = project(points, camera, inverse(T))
         is_inside = (z > _NEAREST_M) & (np.minimum(u, v) >= 0)
         is_inside &= (u <= camera.width_px - 1) & (v <= camera.height_px - 1)
-        angle, _ = _angles(points, rays, T)
-        scores[row] = (is_inside & (angle < _WIDEST)) @ (1.0 / (angle + _SAME_RAY))
+        angle, _ = _angles(points[is_inside], rays[is_inside], T)
+        scores[row] = np.sum(1.0 / (angle[angle < _WIDEST] + _SAME_RAY))
     order = np.argsort(-scores, kind="stable")[:_TOGETHER]
     return order[scores[order] > 0]
 

@@ -8,6 +8,7 @@ import trimesh
 from trimesh.visual import TextureVisuals
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import pixel_rays
 from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.rendering.chunked_mesh import chunked_mesh
 from hsslam_node.rendering.depth_render import render_depth
@@ -38,9 +39,7 @@ class MeshView:
         a, b, c = (
             transformed(inverse(T_world_cam), self._mesh.vertices[corners[:, k]]) for k in range(3)
         )
-        ray = np.stack(
-            [(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones(len(row))], 1
-        )
+        ray = pixel_rays(column, row, camera)
         edges = (np.cross(b, c), np.cross(c, a), np.cross(a, b))
         weights = np.stack([(ray * edge).sum(axis=1) for edge in edges], axis=1)
         weights /= weights.sum(axis=1, keepdims=True)
