@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
@@ -46,7 +47,7 @@ class MapKeyframes:
 
     @cached_property
     def posed_images(self) -> PosedImages | None:
-        """Colour, depth and pose of each, without the last ones read twice; None: the map has no images."""
+        """Colour, depth and pose of each, which holds the last images read; None: the map has none."""
         if (color := self.color) is None:
             return None
 
@@ -59,20 +60,20 @@ class MapKeyframes:
 def keyframes_of_store(store: KeyframeStore) -> MapKeyframes:
     """The keyframes kept now; one that is retired later has no depth, as others see its surfaces."""
     ids, camera = store.kept(), store.camera
+    size = camera.height_px, camera.width_px
 
-    def depth_m(k: int) -> np.ndarray:
+    def frame(k: int) -> Frame:
         try:
-            return store.frame(int(ids[k])).depth_m()
+            return store.frame(int(ids[k]))
         except RetiredKeyframeError:
-            return np.zeros((camera.height_px, camera.width_px), np.float32)
+            color, depth_raw = np.zeros((*size, 3), np.uint8), np.zeros(size, np.uint16)
+            return Frame(int(ids[k]), 0, camera, color, depth_raw, store.depth_units_per_m)
 
-    def color(k: int) -> np.ndarray:
-        try:
-            return store.frame(int(ids[k])).color
-        except RetiredKeyframeError:
-            return np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
-
-    return MapKeyframes(camera, ids, store.stamps_ns()[ids], store.poses_of(ids), depth_m, color)
+    return MapKeyframes(
+        camera, ids, store.stamps_ns()[ids], store.poses_of(ids),
+        depth_m=lambda k: frame(k).depth_m(),
+        color=lambda k: frame(k).color,
+    )  # fmt: skip
 
 
 def keyframes_of_checkpoint(

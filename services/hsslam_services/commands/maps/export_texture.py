@@ -4,13 +4,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from trimesh import Trimesh
 from trimesh.exchange.obj import export_obj
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.device.device import CPU
-from hsslam_node.errors import UserError
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.texture.textured_mesh import textured_mesh
 from hsslam_services.commands.maps.export_views import images_of
@@ -27,16 +25,10 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
         UserError: the map has no images, an image is damaged, the texture is too small for the mesh, or a
             file cannot be written.
     """
-    images = images_of(saved)
+    images_of(saved)  # raises if the map has none
     keyframes = saved.keyframes
-
-    def color(k: int) -> np.ndarray:
-        try:
-            return images.color_rgb(k)
-        except ValueError as error:
-            raise UserError(f"damaged map: {error}") from None
-
-    textured = textured_mesh(mesh, keyframes, color, most_px, CPU.threads)
+    assert keyframes.color is not None
+    textured = textured_mesh(mesh, keyframes, keyframes.color, most_px, CPU.threads)
     if out.suffix.lower() == ".glb":
         textured.apply_transform(OPENGL_FROM_OPENCV)
         with out_file(out) as partial:
