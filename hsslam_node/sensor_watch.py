@@ -1,7 +1,8 @@
-"""Faults that only a series of a sensor's messages shows; odometry and IMU share it, so it stands alone."""
+"""Faults that only a series of a sensor's messages shows; alone, as odometry, IMU and cameras share it."""
 
 from collections.abc import Callable
 
+STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: messages out of order
 _FRAMES = 30  # in a row without a reading
 _MOTIONS = 30  # before jumps are judged
 

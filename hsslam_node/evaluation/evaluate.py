@@ -63,9 +63,7 @@ class Wanted:
     depth_views: int = DEPTH_VIEWS  # virtual views of the depth error; 0: no depth error
     cull_views: int = CULL_VIRTUAL  # virtual views that cull meshes in the literature's protocol
     rendering: bool = True  # by the field alone
-    views: bool = (
-        False  # also as `DenseMap.render` draws them, which takes longer; needs `rendering`
-    )
+    views: bool = False  # with `rendering`: also as `DenseMap.render` draws them
     consistency: bool = True
     tsdfs: tuple[TsdfOptions, ...] = ()  # TSDFs to compare with
     seed: int = 0  # of samples and virtual views

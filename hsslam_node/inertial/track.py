@@ -8,13 +8,12 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import ImuReading
-from hsslam_node.sensor_watch import SensorWatch
+from hsslam_node.sensor_watch import STEP_BACK_S, SensorWatch
 
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
 _FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e5  # ten times what sensors measure: more is no reading
-_STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: samples out of order
 
 
 @dataclass(frozen=True)
@@ -71,9 +70,9 @@ class ImuTrack:
             )
         newest = self._states[-1] if self._states else None
         back_s = -np.inf if newest is None else 1e-9 * (newest.stamp_ns - stamp_ns)
-        if 0 <= back_s <= _STEP_BACK_S:
+        if 0 <= back_s <= STEP_BACK_S:
             return False
-        if back_s > _STEP_BACK_S:
+        if back_s > STEP_BACK_S:
             self._states.clear()
             self._watch.clock_set_back(back_s)
             newest = None

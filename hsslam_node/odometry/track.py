@@ -12,13 +12,12 @@ from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 from hsslam_node.odometry.reading import OdometryReading
-from hsslam_node.sensor_watch import SensorWatch
+from hsslam_node.sensor_watch import STEP_BACK_S, SensorWatch
 
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading across a longer gap
 _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
 _SPEED_OVER_S = 0.05  # span of the motion that is extrapolated, as messages come in bursts
-_STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: messages out of order
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
 _FARTHEST_M = 1e8  # from the origin of odom: more is no reading; UTM has 1e7
 _LARGEST_VARIANCE = 1e12  # m^2, rad^2: whatever is larger says the same
@@ -80,7 +79,7 @@ class OdometryTrack:
         base_covariance = base_covariance.clip(-_LARGEST_VARIANCE, _LARGEST_VARIANCE)
         if not self._poses:
             self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
-        elif back_s > _STEP_BACK_S:
+        elif back_s > STEP_BACK_S:
             unknown = self._poses[-1].covariance + of_jump()
             self._poses.clear()
             self._poses.append(_Pose(stamp_ns, T, unknown))

@@ -6,9 +6,11 @@ from itertools import pairwise
 from statistics import median
 from typing import Generic, Protocol, TypeVar
 
+from hsslam_node.sensor_watch import STEP_BACK_S
+
 _KEPT = 16
 _STEPS = 16  # images whose distances in time give the usual one
-_RESET_NS = 10**9  # a stamp that goes back by more: a clock was set, or a simulation began again
+_STEP_BACK_NS = int(1e9 * STEP_BACK_S)
 
 
 class Stamped(Protocol):
@@ -41,7 +43,7 @@ class StampPairs(Generic[T]):
 
     def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if it has come."""
-        self._forget_if_reset(image.stamp_ns, self._color_steps)
+        self._forget_before_step_back(image.stamp_ns, self._color_steps)
         self._color_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0] + 1, self.unpaired[1])
         depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
@@ -49,17 +51,18 @@ class StampPairs(Generic[T]):
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if it has come."""
-        self._forget_if_reset(image.stamp_ns, self._depth_steps)
+        self._forget_before_step_back(image.stamp_ns, self._depth_steps)
         self._depth_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0], self.unpaired[1] + 1)
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else (color, image)
 
-    def _forget_if_reset(self, stamp_ns: int, steps: "_Steps") -> None:
-        """Forget all images from before a clock was set back, else they would pair with later ones."""
-        if stamp_ns < steps.last_ns - _RESET_NS:
+    def _forget_before_step_back(self, stamp_ns: int, steps: "_Steps") -> None:
+        """Forget images from before a clock was set back, or a simulation began again, else they would pair
+        with later ones."""
+        if stamp_ns < steps.last_ns - _STEP_BACK_NS:
             for images, own in ((self._color, self._color_steps), (self._depth, self._depth_steps)):
-                if own.last_ns > stamp_ns + _RESET_NS:
+                if own.last_ns > stamp_ns + _STEP_BACK_NS:
                     images.clear()
                     own.clear()
 

@@ -64,16 +64,17 @@ def process_section(
     `end_s`: time of the stop, by the monotonic clock.
     """
     end = state.source_end
-    frames = {"dropped": frames_dropped(children)}
-    if end is not None:
+    if end is None:
+        frames = {"dropped": frames_dropped(children)}
+    else:
         known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
         answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
         frames = {
             "in": end.frame_count,
             "bad": end.bad_frame_count,
             "skipped": end.skipped_frame_count,
+            "dropped": max(end.frame_count - answered, 0),
         }
-        frames["dropped"] = max(end.frame_count - answered, 0)
     return {
         "run_id": run.run_id,
         "source": run.options.source,

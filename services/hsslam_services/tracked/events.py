@@ -10,7 +10,7 @@ from hsslam_proto.frame_order import Place
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker
 
-_ROWS = [10**k for k in range(1, 9)]
+_REPORTED_ROWS = tuple(10**k for k in range(1, 9))  # unusable frames without a usable one between
 
 
 class TrackingEvents:
@@ -50,7 +50,7 @@ class TrackingEvents:
         """Report an unusable frame: the first, and the 10th, 100th, ... in a row without a usable one."""
         self._worker.warn_once(Report("unusable frames", f"frame {index} dropped: {error}"))
         self._refused += 1
-        if self._refused in _ROWS:
+        if self._refused in _REPORTED_ROWS:
             text = f"{self._refused} frames in a row dropped; the last, frame {index}: {error}"
             self._worker.event("warning", text)
 

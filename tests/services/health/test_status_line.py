@@ -76,9 +76,8 @@ def test_frames_that_are_sent_again_count_once():
     state = RunState()
     for index in (0, 1, 2, 1, 2, 0, 3):
         state.posed(_pose(index), 100.0 + index)
-    state.posed(
-        msgspec.structs.replace(_pose(0), publisher=5), 104.0
-    )  # a camera that was restarted
+    restarted = msgspec.structs.replace(_pose(0), publisher=5)  # a camera counts from 0 again
+    state.posed(restarted, 104.0)
     assert (state.tracked, state.lost, state.latency_bins.cumulative()[-1]) == (5, 0, 5)
     assert state.pose is not None and state.pose.publisher == 5
 

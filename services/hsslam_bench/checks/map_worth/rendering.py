@@ -17,24 +17,15 @@ def rendering_checks() -> list[Check]:
 
 def _check(sequence: str, bound_db: float | None) -> Check:
     def measure(session: Session) -> Measured:
-        views, fields = [], []
-        for seed in session.seeds:
-            run = finished(session.mapped(sequence, seed))
-            found = session.scores(run, "rendering")
-            if not found.get("views", {}).get("images"):
-                raise RunFailedError(f"{run.name}: no frame was drawn")
-            views.append(found["views"])
-            fields.append(found["rendering"])
+        found = {str(seed): _scores(session, sequence, seed) for seed in session.seeds}
+        views = [score["views"] for score in found.values()]
         psnr_db = fmean(score["psnr_db"] for score in views)
         images = sum(score["images"] for score in views)
-        both = {"views": views, "field": fields}
+        field = _text([score["field"] for score in found.values()])
         return Measured(
-            f"{_text(views)}; field alone {_text(fields)}; {images} images",
+            f"{_text(views)}; field alone {field}; {images} images",
             None if bound_db is None else psnr_db >= bound_db,
-            {
-                str(seed): {way: scores[k] for way, scores in both.items()}
-                for k, seed in enumerate(session.seeds)
-            },
+            found,
             psnr_db,
             "higher",
         )
@@ -46,6 +37,15 @@ def _check(sequence: str, bound_db: float | None) -> Check:
     )
     bound = "" if bound_db is None else f"{bound_db:g} dB"
     return Check(f"rendering:{sequence}", what, bound, measure, by_name_only=True)
+
+
+def _scores(session: Session, sequence: str, seed: int) -> dict[str, Any]:
+    """Scores of a run's images: `views` as users draw them, `field` by the field alone."""
+    run = finished(session.mapped(sequence, seed))
+    found = session.scores(run, "rendering")
+    if not found.get("views", {}).get("images"):
+        raise RunFailedError(f"{run.name}: no frame was drawn")
+    return {"views": found["views"], "field": found["rendering"]}
 
 
 def _text(scores: list[dict[str, Any]]) -> str:
