@@ -90,14 +90,18 @@ def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def evaluation_line(found: Mapping[str, Any]) -> str:
+def evaluation_line(found: Mapping[str, Any], frames: Mapping[str, int]) -> str:
     """ATE of each trajectory in cm and, if the true mesh is known, distance in cm and completion in %.
 
-    `found`: result of `evaluate_run`; unknown values are None.
+    Args:
+        found: result of `evaluate_run`; unknown values are None.
+        frames: how many were tracked and lost; lost ones have no pose, so the ATE leaves them out.
     """
     ates_m = {name: ate.get("rmse_m") for name, ate in found.get("ate", {}).items()}
     known = [f"{name} {1e2 * ate_m:.2f} cm" for name, ate_m in ates_m.items() if ate_m is not None]
-    line = f"ATE: {', '.join(known)}" if known else "ATE: no poses to compare"
+    lost = frames.get("lost", 0)
+    of = f" of the {frames['tracked']} tracked frames ({lost} lost)" if lost else ""
+    line = f"ATE{of}: {', '.join(known)}" if known else "ATE: no poses to compare"
     mesh = found.get("mesh", {})
     off_m, complete = mesh.get("accuracy_mean_m"), mesh.get("completion_ratio_5cm")
     if off_m is not None and complete is not None:

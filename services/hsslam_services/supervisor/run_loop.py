@@ -247,8 +247,9 @@ class RunLoop:
         section |= {"supervisor_failures": self._guard.failures, "end_s": end.done_s}
         section["exit_code"] = int(self._code(reason, is_saved=not end.not_saved))
         update_summary(path, section)
-        if evaluation := read_summary(path).get("evaluation"):
-            self._status.say(evaluation_line(evaluation))
+        summary = read_summary(path)
+        if evaluation := summary.get("evaluation"):
+            self._status.say(evaluation_line(evaluation, summary.get("frames", {})))
 
     def _run_alone(self, module: str, is_cancelled: Callable[[], bool]) -> str:
         """Run a process to its end while the loop goes on; returns "" or the error."""

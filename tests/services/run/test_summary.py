@@ -63,10 +63,18 @@ def test_the_evaluation_line_has_errors_in_centimetres_and_shares_in_percent():
     ate = {"online": {"rmse_m": 0.0123}, "final": {"rmse_m": 0.001}, "keyframes": {"rmse_m": None}}
     mesh = {"accuracy_mean_m": 0.0072, "completion_ratio_5cm": 0.985}
     expected = "ATE: online 1.23 cm, final 0.10 cm"
-    assert evaluation_line({"ate": ate}) == expected
+    frames = {"tracked": 380, "lost": 0}
+    assert evaluation_line({"ate": ate}, frames) == expected
     with_mesh = f"{expected}; mesh: 0.72 cm off, 98.5 % complete within 5 cm"
-    assert evaluation_line({"ate": ate, "mesh": mesh}) == with_mesh
-    assert evaluation_line({"ate": {"final": {"rmse_m": None}}}) == "ATE: no poses to compare"
+    assert evaluation_line({"ate": ate, "mesh": mesh}, frames) == with_mesh
+    none = {"ate": {"final": {"rmse_m": None}}}
+    assert evaluation_line(none, frames) == "ATE: no poses to compare"
+
+
+def test_the_evaluation_line_says_how_many_frames_have_no_pose():
+    found = {"ate": {"final": {"rmse_m": 0.001}}}
+    line = evaluation_line(found, {"tracked": 320, "lost": 60})
+    assert line == "ATE of the 320 tracked frames (60 lost): final 0.10 cm"
 
 
 def test_the_commit_is_that_of_a_repository_that_keeps_the_file(tmp_path: Path):
