@@ -82,10 +82,11 @@ class Ros2Source:
         self.depth_units_per_m = self._frames.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; a `BadFrame` for an unusable pair, a `NoFrame` after each 5 s without a pair.
+        """Frames as they come; a `BadFrame` for an unusable image or pair, a `NoFrame` after each 5 s without
+        either.
 
         Raises:
-            SourceLostError: no pair for 15 s.
+            SourceLostError: neither came for 15 s.
         """
         try:
             yield from selected_live(self._live(), self._options)
@@ -99,6 +100,7 @@ class Ros2Source:
             try:
                 pair = self._next_pair()
             except BadImageError as error:
+                heard_s, silences = time.monotonic(), 0
                 yield BadFrame(0, time.time_ns(), str(error))
                 continue
             if pair is not None:

@@ -1,6 +1,8 @@
 """The signals that end a run in order, and the one that ends its processes; alone, as batches use them."""
 
+import math
 import signal
+import time
 from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
@@ -8,20 +10,28 @@ from typing import Any
 # of one process, when its supervisor ends it or dies; systemd and others send SIGTERM to all at once.
 # SIGUSR1 and SIGUSR2 would not arrive: LLVM, with which Triton compiles kernels for a GPU, handles them
 END_SIGNAL = signal.SIGRTMIN
+ONE_REQUEST_S = 0.5
 
 
 def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, Any]:
-    """Call `tell` on SIGINT, SIGTERM and SIGHUP with their number so far; returns the former handlers.
+    """Call `tell` on SIGINT, SIGTERM and SIGHUP with the number of requests so far, each time it grows.
 
+    Returns the former handlers. Signals within half a second are one request: `timeout` sends its signal to
+    its command and then to the group, and programs such as `uv run` pass on a Ctrl-C that both have heard.
     A SIGHUP counts only if no other signal comes: systemd-logind sends it with a SIGTERM (Python may see it
     first), a shell and the kernel each send one. If `nohup` ignores SIGHUP, it stays ignored.
     """
-    others = 0
+    told = others = 0
+    last_s = -math.inf
 
     def hear(number: int, _frame: FrameType | None) -> None:
-        nonlocal others
-        others += number != signal.SIGHUP
-        tell(max(others, 1))
+        nonlocal told, others, last_s
+        now_s = time.monotonic()
+        if number != signal.SIGHUP and now_s - last_s > ONE_REQUEST_S:
+            others, last_s = others + 1, now_s
+        if (count := max(others, 1)) > told:
+            told = count
+            tell(count)
 
     heard = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:

@@ -16,14 +16,42 @@ def test_one_reason_is_one_event_and_counts(monkeypatch: MonkeyPatch):
         now_s[0] += 1 / 30
         skipped.add(BadFrame(index, 0, "rgb8 of 160x120 pixels"))
     assert told[0] == "frame 0 skipped: rgb8 of 160x120 pixels"
-    assert len(told) == 2 and told[1] == "151 more skipped: rgb8 of 160x120 pixels"
+    assert len(told) == 2 and told[1] == "150 more skipped: rgb8 of 160x120 pixels"
     skipped.add(BadFrame(300, 0, "another"))
-    assert told[2:] == [
-        "148 more skipped: rgb8 of 160x120 pixels",
-        "frame 300 skipped: another",
-    ]
     skipped.report_more()
-    assert len(told) == 4
+    assert told[2:] == [
+        "frame 300 skipped: another",
+        "149 more skipped: rgb8 of 160x120 pixels",
+    ]
+
+
+def test_reasons_that_alternate_are_reported_and_counted_apart(monkeypatch: MonkeyPatch):
+    now_s = [100.0]
+    monkeypatch.setattr(skipped_frames.time, "monotonic", lambda: now_s[0])
+    told: list[str] = []
+    skipped = SkippedFrames(told.append)
+    for index in range(300):  # 10 s
+        now_s[0] += 1 / 30
+        skipped.add(BadFrame(index, 0, ("color: no stamp", "depth: no stamp")[index % 2]))
+    assert told == [
+        "frame 0 skipped: color: no stamp",
+        "frame 1 skipped: depth: no stamp",
+        "75 more skipped: color: no stamp",
+        "74 more skipped: depth: no stamp",
+    ]
+
+
+def test_reasons_that_never_repeat_are_counted_together(monkeypatch: MonkeyPatch):
+    now_s = [100.0]
+    monkeypatch.setattr(skipped_frames.time, "monotonic", lambda: now_s[0])
+    told: list[str] = []
+    skipped = SkippedFrames(told.append)
+    for index in range(140):
+        now_s[0] += 1 / 30
+        skipped.add(BadFrame(index, 0, f"{index} bytes"))
+    assert told == [f"frame {index} skipped: {index} bytes" for index in range(4)]
+    skipped.report_more()
+    assert told[4:] == ["136 more skipped for other reasons"]
 
 
 def test_a_reason_is_one_line_of_bounded_length():

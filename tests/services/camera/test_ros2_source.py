@@ -3,6 +3,7 @@
 import itertools
 import json
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -124,6 +125,22 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     assert told.reason.startswith("no frame for 0.3 s: no images on /camera/color/image_raw and /")
     ended.set()
     assert list(itertools.islice(frames, 10)) == []
+
+
+def test_images_that_cannot_be_used_are_no_silence(endpoint, ros_camera, room, monkeypatch):
+    monkeypatch.setattr(ros2_source, "_SILENCE_S", 0.3)
+    ros_camera.start(room)
+    ended = threading.Event()
+    frames = open_any_source("ros2:/camera", ros2_options(endpoint), ended.is_set).frames()
+    assert isinstance(next(frames), Frame)
+    ros_camera.stop()
+    until_s = time.monotonic() + 1.0
+    while time.monotonic() < until_s:
+        ros_camera.put("/camera/color/image_raw", b"\0\1\0\0 no image")
+        told = next(item for item in frames if isinstance(item, BadFrame))
+        assert not isinstance(told, NoFrame), told.reason
+    ended.set()
+    assert list(frames) == []
 
 
 def _put_each(

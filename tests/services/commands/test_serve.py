@@ -22,6 +22,7 @@ from hsslam_services.launch.process_table import ProcessSpec, processes_of
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import ONE_REQUEST_S
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
@@ -159,7 +160,7 @@ def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(se
     run.wait_for_poses(5)
     (run.out / "trajectory.txt").mkdir()
     run.signal(signal.SIGTERM)
-    _sleep_unless_ended(run, 0.1)
+    _sleep_unless_ended(run, 1.2 * ONE_REQUEST_S)
     run.signal(signal.SIGINT)
     assert run.finish(timeout_s=8) == ExitCode.NOT_SAVED, run.stderr
     assert run.stderr.strip().endswith(f"hsslam-serve rescue {run.arena_dir}")
