@@ -4,6 +4,7 @@ import hashlib
 import os
 import sys
 import tempfile
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,6 +22,12 @@ def kernel_cache_folder() -> Path:
     numba checks only the file of the outermost kernel, so it would use stale machine code after a change in
     a kernel that this one calls. One folder per content prevents that.
     """
+    return cache_root() / "kernels" / _content_name()
+
+
+@cache
+def _content_name() -> str:
+    """Takes 25 ms. A process that has loaded the kernels does not see later changes of their sources."""
     digest = hashlib.sha256()
     package = Path(__file__).parent.parent
     for part in (str(package), version("numba"), sys.version, processor()):
@@ -29,7 +36,7 @@ def kernel_cache_folder() -> Path:
         text = source.read_text(encoding="utf-8")
         if "njit" in text or "numba" in text or source.relative_to(package).parts[0] in _CONSTANTS:
             digest.update(text.encode())
-    return cache_root() / "kernels" / digest.hexdigest()[:16]
+    return digest.hexdigest()[:16]
 
 
 def writable_kernel_cache() -> Path:
@@ -74,7 +81,7 @@ def grid_stamp() -> Path:
 
 def has_run_kernels(has_grid: bool) -> bool:
     """Whether the cache has all kernels of a run that is about to start."""
-    folder = kernel_cache_folder()  # takes 25 ms
+    folder = kernel_cache_folder()
     return (folder / _RUN).exists() and (not has_grid or (folder / _GRID).exists())
 
 

@@ -15,6 +15,7 @@ import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import setproctitle
@@ -29,6 +30,7 @@ _PROCESSES = "hsslam_services.processes"
 _FIRST_IMPORTS = ("hsslam_services.launch.worker", f"{_PROCESSES}.camera", "cv2", "numba")
 _IMPORTS = tuple(f"{_PROCESSES}.{name}" for name in ("tracker", "mapper", "global_ba"))
 _EARLY = (f"{_PROCESSES}.camera", f"{_PROCESSES}.recorder")
+_META_KERNELS = "torch._meta_registrations"
 
 
 def set_process_title(name: str, command: Sequence[str]) -> None:
@@ -43,6 +45,15 @@ def set_process_title(name: str, command: Sequence[str]) -> None:
     shown = Path("/proc/self/cmdline").read_bytes().rstrip(b"\0")
     if shown != os.fsencode(title):
         raise OSError(f"command line of {len(title)} bytes does not fit into /proc/self/cmdline")
+
+
+def leave_out_meta_kernels() -> None:
+    """Keep the meta kernels of torch's operators out of this process; call it before the import of torch.
+
+    They give the shapes of results without data, for torch.compile and torch.export, which no process of a
+    run uses. They take a fifth of the core time of the import, 0.4 s, and 18 MB.
+    """
+    sys.modules[_META_KERNELS] = ModuleType(_META_KERNELS)
 
 
 class _Request(NamedTuple):
@@ -80,6 +91,7 @@ def main() -> None:
 def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
     """Fork the requested processes. Returns the request in each fork, None in the fork server at its end."""
     gc.disable()  # imports create 0.2 million lasting objects; each collection would visit them
+    leave_out_meta_kernels()
     _import(_FIRST_IMPORTS)
     supervisor.setblocking(False)
     waiting: list[_Request] = []

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -155,3 +156,25 @@ def test_a_frozen_process_that_is_waited_for_is_a_timeout(
         process.wait(0.05)
     process.kill()
     assert process.wait(10) == -signal.SIGKILL
+
+
+_WITHOUT_META_KERNELS = """
+import sys
+from hsslam_services.launch.fork_server import leave_out_meta_kernels
+leave_out_meta_kernels()
+import torch
+assert "torch._decomp" not in sys.modules, "it is no longer the meta kernels that import it"
+from hsslam_node.presets import PRESETS
+from hsslam_node.slam import Slam
+from hsslam_node.warm_start import textured_wall
+slam = Slam(PRESETS["realtime"])
+print([slam.process(frame).status for frame in textured_wall(2)])
+print(torch.ones(3).share_memory_().sum().item())
+"""
+
+
+def test_without_meta_kernels_of_torch_a_camera_is_tracked_and_memory_is_shared():
+    command = [sys.executable, "-c", _WITHOUT_META_KERNELS]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[:2] == ["['initial', 'tracked']", "3.0"]

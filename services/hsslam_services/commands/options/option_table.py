@@ -34,7 +34,7 @@ class Option:
     kind: Any  # its type, without None
     can_be_none: bool
     default: Any
-    help: str  # on one line
+    described_in: type  # the dataclass that has its field
     value: str  # name of the value, "" for a switch
     is_positional: bool
     is_basic: bool
@@ -50,6 +50,11 @@ class Option:
     def off_flag(self) -> str:
         """The flag that turns a switch off, as --no-evaluate, --slam.ba.no-enabled."""
         return off_flag_of(self.name)
+
+    @property
+    def help(self) -> str:
+        """What it does, on one line; the first use parses the source of the dataclass."""
+        return _attribute_docstrings(self.described_in).get(self.name.rpartition(".")[2], "")
 
     @property
     def group(self) -> str:
@@ -123,7 +128,6 @@ def purpose(cls: type) -> str:
 
 
 def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> Iterator[Option]:
-    helps = _attribute_docstrings(cls)
     positionals = getattr(cls, "POSITIONALS", ())
     for name, (kind, can_be_none) in _fields(cls).items():
         if _is_group(kind):
@@ -134,7 +138,7 @@ def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> I
             kind=kind,
             can_be_none=can_be_none,
             default=getattr(start, name),
-            help=helps.get(name, ""),
+            described_in=cls,
             value=values.get(prefix + name) or _value_word(kind),
             is_positional=not prefix and name in positionals,
             is_basic=True,
