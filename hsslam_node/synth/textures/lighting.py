@@ -6,6 +6,8 @@ from hsslam_node.kernels.compiled import njit
 
 _JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
 _LIFT_M = 0.004  # off the surface, so that it does not shadow itself
+_AMBIENT_M = 0.9  # what is farther takes no ambient light
+_SLACK_M = 1e-3  # for rounding
 
 
 def light_samples(lamps_m: list[tuple[float, float, float]], seed: int) -> np.ndarray:
@@ -28,10 +30,12 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
     out = np.empty(len(points), np.float32)
     ray = np.empty(3)
     start = np.empty(3)
+    ahead, near = np.empty(len(kinds), np.int64), np.empty(len(kinds), np.int64)
     for i in range(len(points)):
         n = normals[i]
         for a in range(3):
             start[a] = points[i, a] + _LIFT_M * n[a]
+        others, neighbours = _in_reach(centers, halves, start, n, ahead, near)
         direct = 0.0
         for k in range(i % 2, len(lamps), 2):
             for a in range(3):
@@ -39,7 +43,9 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
             square = ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2
             cosine = (ray[0] * n[0] + ray[1] * n[1] + ray[2] * n[2]) / np.sqrt(square)
             emitted = max(ray[2] / np.sqrt(square), 0.0) * 0.75 + 0.25
-            if cosine > 0 and not _blocked(kinds, rotations, centers, halves, start, ray, 1.0):
+            if cosine > 0 and not _blocked(
+                kinds, rotations, centers, halves, ahead[:others], start, ray, 1.0
+            ):
                 direct += cosine * emitted / (square + 0.5)
         direct *= 2.0 / 32
         helper = 0 if abs(n[0]) < 0.6 else 1
@@ -58,18 +64,45 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
             y = directions[k, 0] * s + directions[k, 1] * c
             for a in range(3):
                 ray[a] = x * t1[a] + y * t2[a] + directions[k, 2] * n[a]
-            if not _blocked(kinds, rotations, centers, halves, start, ray, 0.9):
+            if not _blocked(
+                kinds, rotations, centers, halves, near[:neighbours], start, ray, _AMBIENT_M
+            ):
                 open_ += 1.0
         out[i] = 0.16 + 0.34 * open_ / len(directions) + 2.7 * direct
     return out
 
 
 @njit(**_JIT)
-def _blocked(kinds, rotations, centers, halves, start, ray, limit):
-    """Whether anything but the shell lies on start + t ray for t in (0, limit)."""
+def _in_reach(centers, halves, start, normal, ahead, near):
+    """Write the primitives but the shell that rays from a surface can meet, and of these the near ones.
+
+    Returns how many each of the two are.
+    """
+    others = neighbours = 0
+    for p in range(1, len(centers)):
+        height, distance_sq, reach_sq = 0.0, 0.0, 0.0
+        for a in range(3):
+            w = centers[p, a] - start[a]
+            height += w * normal[a]
+            distance_sq += w * w
+            reach_sq += halves[p, a] ** 2
+        reach = np.sqrt(reach_sq) + _SLACK_M
+        if height < -reach:
+            continue
+        ahead[others] = p
+        others += 1
+        if distance_sq < (_AMBIENT_M + reach) ** 2:
+            near[neighbours] = p
+            neighbours += 1
+    return others, neighbours
+
+
+@njit(**_JIT)
+def _blocked(kinds, rotations, centers, halves, primitives, start, ray, limit):
+    """Whether one of these primitives lies on start + t ray for t in (0, limit)."""
     o, d = np.empty(3), np.empty(3)
     length_sq = ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2
-    for p in range(1, len(kinds)):
+    for p in primitives:
         toward, distance_sq, reach = 0.0, 0.0, 0.0
         for a in range(3):
             w = centers[p, a] - start[a]

@@ -48,10 +48,10 @@ def _noted(store: KeyframeStore) -> np.ndarray:
 
 
 def test_of_hundreds_of_keyframes_the_new_one_at_a_wrong_pose_is_refined_at_once():
-    room = _long_run(500, _config())
+    room = _long_run(300, _config())
     ba = GlobalBundleAdjustment(room.config, room.parameters, 0)
     ba.round(room.store)
-    assert len(_noted(room.store)) == 500
+    assert len(_noted(room.store)) == 300
     wrong = set()
     for seed in range(6):
         wrong.add(_goes_on(room, seed))
@@ -62,7 +62,7 @@ def test_of_hundreds_of_keyframes_the_new_one_at_a_wrong_pose_is_refined_at_once
 
 
 def test_without_batch_losses_few_of_hundreds_are_known():
-    room = _long_run(500, _config(batch_losses=False))
+    room = _long_run(300, _config(batch_losses=False))
     ba = GlobalBundleAdjustment(room.config, room.parameters, 0)
     ba.round(room.store)
     found = 0
