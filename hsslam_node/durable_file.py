@@ -3,7 +3,9 @@
 import contextlib
 import errno
 import os
+import secrets
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -20,11 +22,14 @@ def durable_file(path: Path | str) -> Iterator[Path]:
     After the block the new content is on the disk. Before, or after a power cut during the block,
     readers find the old content. If the block raises, the temporary file is removed. A link stays, and the
     file that it names is replaced. A pipe or a device, such as /dev/stdout, gets the content at the end.
+    A file that there was keeps its permissions; those of a new one follow the umask.
 
     Raises:
         OSError: the file or its folder cannot be written.
     """
     path = Path(path)
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), repr(str(path)))
     if path == _STDOUT or (path.exists() and not path.is_file() and not path.is_dir()):
         with tempfile.TemporaryDirectory() as folder:
             yield (whole := Path(folder) / path.name)
@@ -32,15 +37,29 @@ def durable_file(path: Path | str) -> Iterator[Path]:
                 shutil.copyfileobj(source, stream)
         return
     path = Path(os.path.realpath(path))
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    if not path.name:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{path.suffix}")
+    permissions = _permissions(partial, path)
     try:
         yield partial
+        partial.chmod(permissions)  # some libraries write a private file and rename it
         sync_file(partial)
         partial.replace(path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def _permissions(partial: Path, path: Path) -> int:
+    """Create `partial`; returns the permissions of `path`, or those of the new file if there is none."""
+    with partial.open("xb") as stream:
+        new = os.fstat(stream.fileno())
+    try:
+        return stat.S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        return stat.S_IMODE(new.st_mode)
 
 
 def _opened(path: Path) -> IO[bytes]:

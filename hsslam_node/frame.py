@@ -71,9 +71,9 @@ class Frame:
 
 
 def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type, index: int) -> None:
-    if not isinstance(array, np.ndarray):
+    if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray):
         raise UserError(
-            f"frame {index}: {name} is a {type(array).__name__}: expected a NumPy array, "
+            f"frame {index}: {name} is a {type(array).__name__}: expected a plain NumPy array, "
             f"{np.dtype(dtype)}{list(shape)}"
         )
     if array.shape != shape or array.dtype != dtype:

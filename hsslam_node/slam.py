@@ -82,8 +82,13 @@ class Slam:
             UserError: the saved map (see `restore_map`) or the device cannot be used, `localise_only` has no
                 saved map, or a number is out of range.
         """
-        if not 0 <= new_map_after_s < math.inf:
-            raise UserError(f"new_map_after_s = {new_map_after_s}: expected seconds, 0 or more")
+        if not isinstance(config, SlamConfig):
+            raise UserError(
+                f"config = {config!r}: expected a SlamConfig, as PRESETS['realtime'] is"
+            )
+        is_number = isinstance(new_map_after_s, int | float | np.number)
+        if not (is_number and 0 <= new_map_after_s < math.inf):
+            raise UserError(f"new_map_after_s = {new_map_after_s!r}: expected seconds, 0 or more")
         if not isinstance(seed, Integral) or isinstance(seed, bool) or seed < 0:
             raise UserError(f"seed = {seed}: expected a whole number, 0 or more")
         self.config = config

@@ -27,8 +27,8 @@ _RECORD_BYTES = 8
 
 def expect_far(far_m: float) -> None:
     """Raise UserError unless the largest distance that counts is above 0 (so none is nan)."""
-    if not far_m > 0:
-        raise UserError(f"far_m = {far_m}: expected metres above 0")
+    if not (isinstance(far_m, int | float | np.number) and far_m > 0):
+        raise UserError(f"far_m = {far_m!r}: expected metres above 0")
 
 
 class Occupancy:

@@ -61,5 +61,10 @@ def test_numbers_of_numpy_become_those_of_python():
 
 def test_images_are_arrays():
     frame = room_frames()[0]
-    with pytest.raises(UserError, match=r"frame 0: color is a list: expected a NumPy array, uint8"):
+    with pytest.raises(
+        UserError, match=r"frame 0: color is a list: expected a plain NumPy array, uint8"
+    ):
         replace(frame, color=frame.color.tolist())
+    masked = np.ma.masked_array(frame.depth_raw, mask=frame.depth_raw > 0)
+    with pytest.raises(UserError, match=r"frame 0: depth_raw is a MaskedArray: expected a plain"):
+        replace(frame, depth_raw=masked)

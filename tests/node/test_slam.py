@@ -72,7 +72,8 @@ def test_geometry_alone_tracks_the_camera_in_the_dark(lit: str, gap: int | None)
         "until the fifth": lambda k: k < 5,
     }[lit]
     noise = np.random.default_rng(0)
-    slam, found = Slam(CONFIG, 0), []
+    mapper = replace(CONFIG.mapper, first_iterations=40, iterations=2)
+    slam, found = Slam(replace(CONFIG, mapper=mapper), 0), []
     for k, frame in enumerate(room_frames()[:10]):
         dark = noise.normal(2, 1.5, frame.color.shape).clip(0, 255).astype(np.uint8)
         seen = frame if is_lit(k) else replace(frame, color=dark)
@@ -173,6 +174,7 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     [
         {"new_map_after_s": -1.0},
         {"new_map_after_s": math.nan},
+        {"new_map_after_s": "3"},
         {"seed": -1},
         {"seed": True},
         {"seed": 1.0},
@@ -182,6 +184,11 @@ def test_numbers_out_of_range_are_named(given):
     (name,) = given
     with pytest.raises(UserError, match=rf"{name} = .*: expected .*0 or more"):
         Slam(SMALL, **given)
+
+
+def test_the_name_of_a_preset_is_no_configuration():
+    with pytest.raises(UserError, match=r"config = 'realtime': expected a SlamConfig, as PRESETS"):
+        Slam("realtime")  # type: ignore[arg-type]
 
 
 def test_a_whole_number_of_numpy_is_a_seed():

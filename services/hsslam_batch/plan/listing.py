@@ -147,6 +147,13 @@ def without_batches(root: str, files: Mapping[str, FileStamp]) -> dict[str, File
 def _stamp_of_file(path: Path) -> FileStamp | None:
     """None for what is no file, and for a file that is gone or that this user may not see."""
     try:
+        if path.is_symlink() and not path.exists():
+            target = path.readlink()
+            print(
+                f"warning: {path}: left out: a link to {target}, which is not there",
+                file=sys.stderr,
+            )
+            return None
         return _stamp(path) if path.is_file() else None
     except FileNotFoundError:
         return None

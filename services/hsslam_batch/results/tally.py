@@ -8,13 +8,16 @@ from hsslam_batch.plan.log import Log
 
 
 class Tally:
-    """Counts of a running batch. A log with an unknown number of frames counts as one of average length."""
+    """Counts of a running batch.
+
+    A log with an unknown number of frames counts as one of average length until it is settled.
+    """
 
     def __init__(self, logs: Sequence[Log], settled: Iterable[Outcome]) -> None:
         known = [log.frames for log in logs if log.frames]
         average = sum(known) / len(known) if known else 1.0
         self._frames = {log.id: log.frames or average for log in logs}
-        self.frames = round(sum(self._frames.values()))  # of all logs
+        self._unknown = {log.id for log in logs if not log.frames}
         self.logs = len(logs)
         self.done = 0
         self.failed = 0
@@ -34,6 +37,11 @@ class Tally:
         return self.logs - self.done - self.failed
 
     @property
+    def frames(self) -> int:
+        """Frames of all logs."""
+        return round(sum(self._frames.values()))
+
+    @property
     def frames_done(self) -> int:
         """Frames of logs that are done or failed, and frames of running logs so far."""
         return round(self._settled_frames + self._running_frames)
@@ -43,6 +51,8 @@ class Tally:
         self.done += outcome.is_done
         self.failed += not outcome.is_done
         self.core_s += outcome.core_s
+        if outcome.id in self._unknown:
+            self._frames[outcome.id] = outcome.frames
         self._settled_frames += self._frames[outcome.id]
 
     def run(self, frames: Mapping[str, int]) -> None:

@@ -155,7 +155,12 @@ class Arena:
         try:
             os.posix_fallocate(fd, start, nbytes)
         except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.ENOMEM):
+            if error.errno == errno.EFBIG:
+                raise OutOfMemoryError(
+                    f"array {name} needs {nbytes} bytes in one file: expected a larger limit of file "
+                    "sizes (ulimit -f)"
+                ) from None
+            if error.errno not in (errno.ENOSPC, errno.ENOMEM):
                 raise
             free = os.statvfs(self.folder)
             raise OutOfMemoryError(

@@ -18,7 +18,7 @@ def save_map(
     Raises:
         UserError: the file cannot be written.
     """
-    if store.count > store.inherited or parameters.version > 1:
+    if has_changed(store, parameters):
         checkpoint = map_snapshot(store, parameters, options.slam)
         save_checkpoint(run_dir / "map.safetensors", checkpoint)
     return {
@@ -27,3 +27,8 @@ def save_map(
         "model_bytes": parameters.layout.size_bytes_by_part(),
         "map": {"adam_steps": parameters.step},
     }
+
+
+def has_changed(store: KeyframeStore, parameters: FieldParameters) -> bool:
+    """Whether the map is another than the one that was loaded."""
+    return store.count > store.inherited or parameters.version > 1

@@ -4,7 +4,7 @@ Arena: reads keyframes, map
 """
 
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.artefacts.map_file import save_map
+from hsslam_services.artefacts.map_file import has_changed, save_map
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 
@@ -16,7 +16,10 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     published = SharedMap(worker.arena, worker.options.slam).published()
     if published is not None:
-        worker.event("info", f"saving the map: {len(published[0].kept())} keyframes")
+        if has_changed(*published):
+            worker.event("info", f"saving the map: {len(published[0].kept())} keyframes")
+        else:
+            worker.event("info", "the map is as it was loaded: not saved again")
         worker.add_to_summary(save_map(worker.run.path, *published, worker.options))
 
 

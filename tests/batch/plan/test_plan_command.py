@@ -103,6 +103,18 @@ def test_out_is_refused_if_its_results_would_be_logs_of_the_next_plan(logs: Path
     assert [log.name for log in read_manifest(batch.out)] == ["log0", "log1"]
 
 
+def test_a_link_to_a_log_that_is_not_there_is_left_out_with_a_warning(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (logs / "log2.mcap").symlink_to("/unmounted/log2.mcap")
+    batch = _plan(logs, tmp_path / "out")
+    assert [log.name for log in read_manifest(batch.out)] == ["log0", "log1"]
+    link = logs / "log2.mcap"
+    assert capsys.readouterr().err == (
+        f"warning: {link}: left out: a link to /unmounted/log2.mcap, which is not there\n"
+    )
+
+
 def test_a_log_whose_path_is_not_utf8_is_left_out_with_a_warning(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -3,8 +3,10 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 
+from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results import tally as module
 from hsslam_batch.results.tally import Tally, duration
@@ -26,6 +28,17 @@ def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     tally.run({})
     assert (tally.failed, tally.frames_done) == (1, 300)
     assert tally.rest_s() == pytest.approx(20.0 / 200 * 150)
+
+
+@pytest.mark.parametrize(("kind", "frames"), [("done", 120), ("bad input", 0)])
+def test_a_log_of_unknown_length_counts_with_the_frames_that_it_had(
+    tmp_path: Path, kind: Kind, frames: int
+):
+    batch = planned(tmp_path / "out", frames=(100, 200, 0))
+    tally = Tally(read_manifest(batch.out), [])
+    assert tally.frames == 450
+    tally.settle(msgspec.structs.replace(outcome(batch, 2, kind), frames=frames))
+    assert (tally.frames, tally.frames_done) == (300 + frames, frames)
 
 
 def test_durations_in_words():

@@ -258,12 +258,12 @@ def test_bad_questions_are_one_line(ask, text):
         ask(_map())
 
 
-@pytest.mark.parametrize("far_m", [0.0, -1.0, np.nan])
+@pytest.mark.parametrize("far_m", [0.0, -1.0, np.nan, "4"])
 def test_a_reach_that_is_none_is_told_when_the_map_is_opened(far_m):
     room = mapped_room()
     layout, params = room.parameters.layout, room.parameters.published()[1]
     keyframes = keyframes_of_store(room.store)
-    with pytest.raises(UserError, match=f"far_m = {far_m}: expected metres above 0"):
+    with pytest.raises(UserError, match=f"far_m = {far_m!r}: expected metres above 0"):
         DenseMap(layout, params, keyframes, SMALL.sampling, far_m=far_m)
 
 

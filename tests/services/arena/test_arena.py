@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -131,6 +132,18 @@ def test_full_memory_names_the_bytes_and_leaves_nothing(small_shm: Path):
     assert not Arena(folder.path).exists("params")
     assert not (folder.path / "params.bin").exists()
     Arena(folder.path).create("params", (1000,), np.float32)
+
+
+def test_a_limit_of_file_sizes_is_named(tmp_path: Path):
+    folder = ArenaFolder("limited", tmp_path, root=tmp_path)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+    try:
+        with pytest.raises(UserError, match=r"array params needs 4000000 bytes .* \(ulimit -f\)$"):
+            Arena(folder.path).create("params", (1_000_000,), np.float32)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not (folder.path / "params.bin").exists()
 
 
 def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Path):
