@@ -36,7 +36,7 @@ warm-up: $(VENV)/.installed-dev
 
 test: warm-up
 	$(BIN)/pytest -m 'not e2e and not long and not alone' --numprocesses 4 --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 4 --dist loadfile $(call marked,e2e)
+	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder $(call marked,e2e)
 	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)
 
 collect: $(VENV)/.installed-dev

@@ -13,16 +13,18 @@ from pathlib import Path
 from typing import IO
 
 _STDOUT = Path("/dev/stdout")
+_PRIVATE = 0o600
 
 
 @contextlib.contextmanager
-def durable_file(path: Path | str) -> Iterator[Path]:
+def durable_file(path: Path | str, *, private: bool = False) -> Iterator[Path]:
     """Yield a temporary path with the suffix of `path`; after the block its file replaces `path`.
 
     After the block the new content is on the disk. Before, or after a power cut during the block,
     readers find the old content. If the block raises, the temporary file is removed. A link stays, and the
     file that it names is replaced. A pipe or a device, such as /dev/stdout, gets the content at the end.
-    A file that there was keeps its permissions; those of a new one follow the umask.
+    A file that there was keeps its permissions; those of a new one follow the umask. `private`: only this
+    user may read and write it.
 
     Raises:
         OSError: the file or its folder cannot be written.
@@ -40,7 +42,7 @@ def durable_file(path: Path | str) -> Iterator[Path]:
     if not path.name:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{path.suffix}")
-    permissions = _permissions(partial, path)
+    permissions = _PRIVATE if private else _permissions(partial, path)
     try:
         yield partial
         partial.chmod(permissions)  # some libraries write a private file and rename it

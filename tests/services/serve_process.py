@@ -1,8 +1,8 @@
 """`hsslam-serve` as a user runs it, for tests: a live run, and what it must leave."""
 
-from hsslam_bench.runs.live_run import SENT_ROOM, SMALL_ROOM, LiveRun
+from hsslam_bench.runs.live_run import QUICK, SENT_ROOM, SMALL_ROOM, LiveRun
 
-__all__ = ["SENT_ROOM", "SMALL_ROOM", "ServeProcess"]
+__all__ = ["QUICK", "SENT_ROOM", "SMALL_ROOM", "ServeProcess"]
 
 
 class ServeProcess(LiveRun):

@@ -91,9 +91,8 @@ class Arena:
         if data.is_symlink():
             return
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with durable_file(folder / data.name) as partial:
+        with durable_file(folder / data.name, private=True) as partial:
             shutil.copyfile(data, partial)
-            partial.chmod(0o600)
         link = self._path(name, ".link")
         link.unlink(missing_ok=True)  # left by a process that died here
         link.symlink_to((folder / data.name).absolute())

@@ -1,13 +1,14 @@
 """Compiles all kernels into the cache: `hsslam-serve warm-up`."""
 
 import argparse
+import contextlib
 import dataclasses
 import errno
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -48,10 +49,12 @@ def warm_up(report: Report) -> bool:
     if complete.exists():
         return False
     try:
-        made = _compile_for_run(report)
+        with _mapping_in_parallel(report):
+            made = _track_and_mesh(report)
+            _compile_distances(report)
         run.touch()
-        _compile_the_rest(made, report)
         grid.touch()
+        _compile_the_rest(made, report)
         complete.touch()
     except OSError as error:
         raise unwritable_cache(folder, error) from None
@@ -70,7 +73,8 @@ def warm_up_for_run(report: Report, has_grid: bool) -> None:
     run, grid = run_stamp(), grid_stamp()
     try:
         if not run.exists():
-            _compile_for_run(report)
+            with _mapping_in_parallel(report):
+                _track_and_mesh(report)
             run.touch()
         if has_grid and not grid.exists():
             _compile_distances(report)
@@ -105,18 +109,22 @@ class _TinyRun:
     mesh: "trimesh.Trimesh"
 
 
-def _compile_for_run(report: Report) -> _TinyRun:
-    """Compile the kernels for poses, map and mesh; those of mapping, the most, in a parallel process."""
+@contextlib.contextmanager
+def _mapping_in_parallel(report: Report) -> Iterator[None]:
+    """Compile the kernels of mapping, the most, in another process during the block; waits for its end.
+
+    Raises:
+        OSError: the cache folder is not writable.
+    """
     mapping = get_context("spawn").Process(target=_map_a_wall, args=(os.getpid(),), daemon=True)
     mapping.start()
-    made = _track_and_mesh(report)
+    yield
     report("mapping, bundle adjustment, tracking by rendering")
     mapping.join()
     if mapping.exitcode == os.EX_IOERR:
         raise OSError(errno.EIO, "cannot be written")
     if mapping.exitcode != 0:
         raise RuntimeError(f"compiling the kernels of mapping ended with code {mapping.exitcode}")
-    return made
 
 
 def _map_a_wall(parent_pid: int) -> None:
@@ -225,8 +233,7 @@ def _compile_distances(report: Report) -> None:
 
 
 def _compile_the_rest(made: _TinyRun, report: Report) -> None:
-    """Compile the kernels for distances, queries and the evaluation."""
-    _compile_distances(report)
+    """Compile the kernels for queries and the evaluation."""
     report("queries")
     import numpy as np
 

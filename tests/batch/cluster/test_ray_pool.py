@@ -16,7 +16,7 @@ from hsslam_batch.cluster.task import TaskResult, perform_command
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_node.errors import UserError
 
-pytestmark = pytest.mark.e2e
+pytestmark = [pytest.mark.e2e, pytest.mark.xdist_group("ray")]  # one cluster at a time
 
 
 def _task(folder: Path):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.services.run.installed_package import install
+from tests.services.serve_process import QUICK
 
 _PLUGIN = """
 import itertools
@@ -40,9 +41,9 @@ def _serve(tmp_path: Path, source: str) -> subprocess.CompletedProcess[str]:
     site, out = tmp_path / "site", tmp_path / "run"
     install(site, "hsslam-odd", {"hsslam_odd": _PLUGIN}, {"odd": "hsslam_odd:ROW"})
     command = [sys.executable, "-m", "hsslam_services.commands.serve"]
-    options = ["--source", source, "--pace", "lockstep", "--no-evaluate", "--out", str(out)]
+    options = ["--source", source, "--pace", "lockstep", "--out", str(out)]
     return subprocess.run(
-        [*command, *options],
+        [*command, *options, *QUICK],
         env=os.environ | {"PYTHONPATH": f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,

@@ -22,6 +22,8 @@ from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.bus.publisher import Publisher
 from tests.services.serve_process import SENT_ROOM, SMALL_ROOM, ServeProcess
 
+pytestmark = pytest.mark.e2e
+
 _ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
 
 

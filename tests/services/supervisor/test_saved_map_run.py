@@ -3,6 +3,7 @@
 import signal
 
 import numpy as np
+import pytest
 
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.trajectory import read_tum
@@ -10,6 +11,8 @@ from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_services.log.poses import logged_poses
 from hsslam_services.log.reader import log_parts
 from tests.services.serve_process import SMALL_ROOM
+
+pytestmark = pytest.mark.e2e
 
 _MOUNT = (0.1, 0.0, 0.3, -0.5, 0.5, -0.5, 0.5)
 _TILTED = (0.1, 0.0, 0.3, -0.612372, 0.612372, -0.353553, 0.353553)

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import psutil
+import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_proto import messages
@@ -14,6 +15,8 @@ from hsslam_services.log.poses import logged_poses
 from hsslam_services.log.reader import bus_messages, log_parts
 from hsslam_services.run.summary import read_summary
 from tests.services.serve_process import SENT_ROOM, SMALL_ROOM
+
+pytestmark = pytest.mark.e2e
 
 _SMALL = [option for option in SMALL_ROOM if option not in ("--source", "synth:room")]
 _LATEST_LOSS = 25  # frames at 15 Hz: a second, and what was on its way
