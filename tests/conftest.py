@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.folder_of_workers import share
 from tests.power_cut import Disk
 from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
 
@@ -15,6 +16,11 @@ os.environ["HSSLAM_TUM_URL"] = "http://127.0.0.1:9"  # no test fetches from else
 # Shared machines stall, and kernels compile at their first call: no time limit on one example.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _folder_of_workers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    share(tmp_path_factory.getbasetemp().parent)
 
 
 @pytest.fixture(scope="session")

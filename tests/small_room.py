@@ -1,5 +1,6 @@
 """A few small frames of the built-in room with their true poses, and a map trained on them."""
 
+import fcntl
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -21,6 +22,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.tracking.map_view import MapView
+from tests.folder_of_workers import folder_of_workers
 
 OPTIONS = SourceOptions(frames=40, synth=SynthOptions(width_px=160, height_px=120))
 SMALL = replace(
@@ -120,6 +122,19 @@ def _untrained(config: SlamConfig, arrays: MemoryAllocator) -> MappedRoom:
 
 @cache
 def _trained() -> dict[str, np.ndarray]:
+    """The arrays of the trained map; one worker trains it for all that run tests in parallel."""
+    if (folder := folder_of_workers()) is None:
+        return _train()
+    path = folder / "trained_room.npz"
+    with path.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            np.savez_compressed(path, allow_pickle=False, **_train())
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
+def _train() -> dict[str, np.ndarray]:
     names: list[str] = []
 
     class Recorder(MemoryAllocator):

@@ -56,6 +56,7 @@ def test_figures_of_a_real_run_and_a_bound_that_is_not_met(tmp_path: Path):
 
 
 @pytest.mark.e2e
+@pytest.mark.long
 def test_a_viewer_is_attached_and_core_time_is_counted(tmp_path: Path):
     names = ("viewer:room:tracked", "viewer:room:iterations", "budget")
     data = ("--data", str(tmp_path))
