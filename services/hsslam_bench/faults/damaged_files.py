@@ -57,7 +57,8 @@ def read_by_the_library(experiment: Experiment) -> Finding:
         path = folder / name
         for _ in range(_TIMES):
             path.write_bytes(_damaged(whole, rng))
-            os.utime(path, (0, 0))  # long ago: an unfinished log that is new may be a copy in progress
+            # long ago: an unfinished log that is new may be a copy in progress
+            os.utime(path, (0, 0))
             try:
                 read(path)
             except UserError as error:
