@@ -99,8 +99,6 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert (run.out / "run.rrd").stat().st_size > 1000
     counts = _messages_per_topic(run.out / "run.mcap")
     expected = messages_expected(summary)
-    # if the machine is busy, the recorder may drop frames, and counts them
-    expected["in/frame"] -= summary["processes"]["recorder"]["counters"]["frames_dropped"]
     assert {name: counts[f"hsslam/robot/{name}"] for name in expected} == expected
 
 
