@@ -31,11 +31,12 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
     ray = np.empty(3)
     start = np.empty(3)
     ahead, near = np.empty(len(kinds), np.int64), np.empty(len(kinds), np.int64)
+    spheres = np.empty((len(kinds), 5))
     for i in range(len(points)):
         n = normals[i]
         for a in range(3):
             start[a] = points[i, a] + _LIFT_M * n[a]
-        others, neighbours = _in_reach(centers, halves, start, n, ahead, near)
+        others, neighbours = _in_reach(centers, halves, start, n, spheres, ahead, near)
         direct = 0.0
         for k in range(i % 2, len(lamps), 2):
             for a in range(3):
@@ -44,7 +45,7 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
             cosine = (ray[0] * n[0] + ray[1] * n[1] + ray[2] * n[2]) / np.sqrt(square)
             emitted = max(ray[2] / np.sqrt(square), 0.0) * 0.75 + 0.25
             if cosine > 0 and not _blocked(
-                kinds, rotations, centers, halves, ahead[:others], start, ray, 1.0
+                kinds, rotations, centers, halves, spheres, ahead[:others], start, ray, 1.0
             ):
                 direct += cosine * emitted / (square + 0.5)
         direct *= 2.0 / 32
@@ -65,7 +66,15 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
             for a in range(3):
                 ray[a] = x * t1[a] + y * t2[a] + directions[k, 2] * n[a]
             if not _blocked(
-                kinds, rotations, centers, halves, near[:neighbours], start, ray, _AMBIENT_M
+                kinds,
+                rotations,
+                centers,
+                halves,
+                spheres,
+                near[:neighbours],
+                start,
+                ray,
+                _AMBIENT_M,
             ):
                 open_ += 1.0
         out[i] = 0.16 + 0.34 * open_ / len(directions) + 2.7 * direct
@@ -73,10 +82,11 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
 
 
 @njit(**_JIT)
-def _in_reach(centers, halves, start, normal, ahead, near):
+def _in_reach(centers, halves, start, normal, spheres, ahead, near):
     """Write the primitives but the shell that rays from a surface can meet, and of these the near ones.
 
-    Returns how many each of the two are.
+    `spheres` [P, 5] gets the bounding sphere of each: its middle less `start`, the square of this distance,
+    and the square of its radius. Returns how many primitives lie ahead and how many are near.
     """
     others = neighbours = 0
     for p in range(1, len(centers)):
@@ -86,6 +96,8 @@ def _in_reach(centers, halves, start, normal, ahead, near):
             height += w * normal[a]
             distance_sq += w * w
             reach_sq += halves[p, a] ** 2
+            spheres[p, a] = w
+        spheres[p, 3], spheres[p, 4] = distance_sq, reach_sq
         reach = np.sqrt(reach_sq) + _SLACK_M
         if height < -reach:
             continue
@@ -98,19 +110,14 @@ def _in_reach(centers, halves, start, normal, ahead, near):
 
 
 @njit(**_JIT)
-def _blocked(kinds, rotations, centers, halves, primitives, start, ray, limit):
+def _blocked(kinds, rotations, centers, halves, spheres, primitives, start, ray, limit):
     """Whether one of these primitives lies on start + t ray for t in (0, limit)."""
     o, d = np.empty(3), np.empty(3)
     length_sq = ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2
     for p in primitives:
-        toward, distance_sq, reach = 0.0, 0.0, 0.0
-        for a in range(3):
-            w = centers[p, a] - start[a]
-            toward += w * ray[a]
-            distance_sq += w * w
-            reach += halves[p, a] ** 2
+        toward = spheres[p, 0] * ray[0] + spheres[p, 1] * ray[1] + spheres[p, 2] * ray[2]
         t = min(max(toward / length_sq, 0.0), limit)
-        if distance_sq - 2 * t * toward + t * t * length_sq > reach:
+        if spheres[p, 3] - 2 * t * toward + t * t * length_sq > spheres[p, 4]:
             continue  # the bounding sphere is not touched
         for a in range(3):
             o[a], d[a] = 0.0, 1e-12
