@@ -71,27 +71,30 @@ def compare_as_published(
     theirs = sample_surface(truth, samples, seed + 1, OwnDepth(truth, cameras)).points
     if len(ours) == 0 or len(theirs) == 0:
         return MeshMetrics.of(np.empty(0), np.empty(0))
-    ours = _moved_by_icp(ours, theirs)
-    return MeshMetrics.of(_to_nearest(ours, theirs), _to_nearest(theirs, ours))
+    true = _tree(theirs)
+    ours = _moved_by_icp(ours, true)
+    return MeshMetrics.of(_to_nearest(ours, true), _to_nearest(theirs, _tree(ours)))
 
 
-def _to_nearest(points: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Distance [N] m of points [N, 3] to the nearest of others [M, 3]."""
-    # a tree of other nodes takes up to 60 times as long for points that are far from a small mesh
-    tree = KDTree(target, leafsize=32, compact_nodes=False, balanced_tree=False)
-    found: Any = tree.query(points)
+def _tree(points: np.ndarray) -> KDTree:
+    """Points [N, 3] to be found; other nodes take up to 60 times as long far from a small mesh."""
+    return KDTree(points, leafsize=32, compact_nodes=False, balanced_tree=False)
+
+
+def _to_nearest(points: np.ndarray, target: KDTree) -> np.ndarray:
+    """Distance [N] m of points [N, 3] to the nearest of others."""
+    found: Any = target.query(points)
     return found[0]
 
 
-def _moved_by_icp(points: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Points [N, 3] brought rigidly onto others [M, 3], by pairs within 10 cm."""
-    tree = KDTree(target)
+def _moved_by_icp(points: np.ndarray, target: KDTree) -> np.ndarray:
+    """Points [N, 3] brought rigidly onto others, by pairs within 10 cm."""
     T = np.eye(4)
     chosen = points[:: max(len(points) // _ICP_POINTS, 1)]
     before = (0.0, 0.0)
     for _ in range(_ICP_ITERATIONS):
         moved = transformed(T, chosen)
-        pairs: Any = tree.query(moved, distance_upper_bound=ICP_WITHIN_M)
+        pairs: Any = target.query(moved, distance_upper_bound=ICP_WITHIN_M)
         distance, row = pairs
         near = np.isfinite(distance)
         if near.sum() < 3:
@@ -101,7 +104,7 @@ def _moved_by_icp(points: np.ndarray, target: np.ndarray) -> np.ndarray:
             break
         before = now
         step: Any = trimesh.registration.procrustes(
-            chosen[near], target[row[near]], reflection=False, scale=False
+            chosen[near], target.data[row[near]], reflection=False, scale=False
         )
         T = step[0]
     return transformed(T, points)
