@@ -10,7 +10,7 @@ import psutil
 
 from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
-from hsslam_bench.runs.live_run import LiveRun
+from hsslam_bench.runs.live_run import QUICK, LiveRun
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_proto.messages import Pose
@@ -19,8 +19,7 @@ from hsslam_services.run.run_info import RunInfo
 KILLED = ("tracker", "mapper", "recorder", "global_ba", "mesher", "fork_server", "camera")
 HALF_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "320", "--synth.height-px", "240"),
-    *("--rate-hz", "15", "--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
-    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08"),
+    *("--rate-hz", "15", *QUICK),
 )
 _FOUND_S, _FOUND_M = 4.0, 0.02
 _KILLS, _EVERY_S = 12, 12.0

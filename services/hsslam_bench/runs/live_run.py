@@ -23,15 +23,15 @@ from hsslam_proto.run_messages import Health
 from hsslam_services.bus.ask import NotDoneError, ask
 from hsslam_services.bus.bus import Bus, free_endpoint
 
-QUICK = (
+QUICK = (  # a map that takes seconds
     *("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
-    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08"),
 )
 SMALL_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "160", "--synth.height-px", "120"),
-    *("--rate-hz", "15", *QUICK),
+    *("--rate-hz", "15", *QUICK, "--no-evaluate"),
 )
-SENT_ROOM = ("--source", "zenoh:", *QUICK)  # another program sends the frames
+SENT_ROOM = ("--source", "zenoh:", *QUICK, "--no-evaluate")  # another program sends the frames
 _POLL_S = 0.02
 _ASK_EVERY_S = 0.3
 _LAST_LINES = 12

@@ -12,7 +12,7 @@ from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
-from tests.batch.quick_options import QUICK
+from tests.services.serve_process import QUICK
 
 
 @pytest.mark.parametrize("is_folder", [True, False], ids=["run folder", "file"])

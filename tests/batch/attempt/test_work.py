@@ -18,8 +18,8 @@ from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
-from tests.batch.quick_options import QUICK
 from tests.in_process import run_main
+from tests.services.serve_process import QUICK
 
 pytestmark = pytest.mark.e2e
 _LONG_S = 900  # on a machine that does other things

@@ -11,7 +11,7 @@ import psutil
 
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
-from tests.batch.quick_options import QUICK
+from tests.services.serve_process import QUICK
 
 LONG_S = 3000
 _MEMORY = ("--memory", "4")

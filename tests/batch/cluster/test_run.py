@@ -31,8 +31,8 @@ from tests.batch.cluster.runs_of_batch import (
     wait,
 )
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
-from tests.batch.quick_options import QUICK
 from tests.caught_signals import catches
+from tests.services.serve_process import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 

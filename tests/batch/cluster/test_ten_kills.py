@@ -30,7 +30,7 @@ from tests.batch.cluster.runs_of_batch import (
     wait,
     worker_of,
 )
-from tests.batch.quick_options import QUICK
+from tests.services.serve_process import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 _LOGS, _NODES, _KILLS = 6, 3, 10

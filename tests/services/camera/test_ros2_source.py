@@ -31,6 +31,7 @@ from tests.services.camera.ros_camera import (
     odometry,
     ros2_options,
 )
+from tests.services.serve_process import QUICK
 
 
 def test_frames_are_those_that_were_published(endpoint, ros_camera, room):
@@ -232,10 +233,8 @@ def test_wrong_names(spec, words):
 def test_a_run_whose_router_is_that_of_the_ros_nodes(serve, room, own_address):
     camera = RosCamera(f"tcp/{own_address}:7447")  # before there is a router
     camera.start(room, rate_hz=15)
-    small = ("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256")
     places = ("--zenoh-port", "7447", "--bind", own_address)
-    limits = ("--frames", "40", "--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08")
-    run = serve("--source", "ros2:/camera", *places, *small, *limits)
+    run = serve("--source", "ros2:/camera", *places, *QUICK, "--frames", "40")
     try:
         assert run.finish() == 0, run.stderr
     finally:

@@ -41,7 +41,7 @@ def _serve(tmp_path: Path, source: str) -> subprocess.CompletedProcess[str]:
     site, out = tmp_path / "site", tmp_path / "run"
     install(site, "hsslam-odd", {"hsslam_odd": _PLUGIN}, {"odd": "hsslam_odd:ROW"})
     command = [sys.executable, "-m", "hsslam_services.commands.serve"]
-    options = ["--source", source, "--pace", "lockstep", "--out", str(out)]
+    options = ["--source", source, "--pace", "lockstep", "--no-evaluate", "--out", str(out)]
     return subprocess.run(
         [*command, *options, *QUICK],
         env=os.environ | {"PYTHONPATH": f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
