@@ -27,7 +27,7 @@ def kernel_cache_folder() -> Path:
 
 @cache
 def _content_name() -> str:
-    """Takes 25 ms. A process that has loaded the kernels does not see later changes of their sources."""
+    """The name of the folder; takes 25 ms at the first call, after which the process loads these sources."""
     digest = hashlib.sha256()
     package = Path(__file__).parent.parent
     for part in (str(package), version("numba"), sys.version, processor()):

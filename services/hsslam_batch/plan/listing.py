@@ -139,7 +139,7 @@ def without_batches(root: str, files: Mapping[str, FileStamp]) -> dict[str, File
     marked = (path.rpartition("/")[0] for path in files if path.endswith(f"/{BATCH_FILE}"))
     batches = [folder for folder in marked if f"{folder}/{MANIFEST}" in files]
     for folder in batches:
-        print(f"warning: {root}/{folder}: left out: the folder of a batch", file=sys.stderr)
+        _warn(f"{root}/{folder}", "the folder of a batch")
     below = tuple(f"{folder}/" for folder in batches)
     return {path: stamp for path, stamp in files.items() if not path.startswith(below)}
 
@@ -147,14 +147,11 @@ def without_batches(root: str, files: Mapping[str, FileStamp]) -> dict[str, File
 def _stamp_of_file(path: Path) -> FileStamp | None:
     """None for what is no file, and for a file that is gone or that this user may not see."""
     try:
+        if path.is_file():
+            return _stamp(path)
         if path.is_symlink() and not path.exists():
-            target = path.readlink()
-            print(
-                f"warning: {path}: left out: a link to {target}, which is not there",
-                file=sys.stderr,
-            )
-            return None
-        return _stamp(path) if path.is_file() else None
+            _warn(path, f"a link to {path.readlink()}, which is not there")
+        return None
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -170,7 +167,11 @@ def _leave_out(error: OSError) -> None:
     """
     if error.errno != errno.EACCES:
         raise UserError(f"{error.filename}: {error.strerror}: expected a folder that can be read")
-    print(f"warning: {error.filename}: left out: {error.strerror}", file=sys.stderr)
+    _warn(error.filename, error.strerror)
+
+
+def _warn(left_out: object, reason: str | None) -> None:
+    print(f"warning: {left_out}: left out: {reason}", file=sys.stderr)
 
 
 def _stamp(path: Path) -> FileStamp:

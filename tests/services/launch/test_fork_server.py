@@ -164,10 +164,10 @@ from hsslam_services.launch.fork_server import leave_out_meta_kernels
 leave_out_meta_kernels()
 import torch
 assert "torch._decomp" not in sys.modules, "it is no longer the meta kernels that import it"
-from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.warm_start import textured_wall
-slam = Slam(PRESETS["realtime"])
+from tests.small_room import SMALL
+slam = Slam(SMALL)
 print([slam.process(frame).status for frame in textured_wall(2)])
 print(torch.ones(3).share_memory_().sum().item())
 """
