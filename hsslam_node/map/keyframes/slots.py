@@ -56,8 +56,9 @@ class KeyframeSlots:
 
     def pixels(self, slot: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 and raw depth [H, W] uint16 in a slot, not copied."""
-        color, depth_raw = self._slab(slot // SLAB_KEYFRAMES, create=False)
-        return color[slot % SLAB_KEYFRAMES], depth_raw[slot % SLAB_KEYFRAMES]
+        slab, row = divmod(slot, self._per_slab)
+        color, depth_raw = self._slab(slab, create=False)
+        return color[row], depth_raw[row]
 
     def reserve(self, count: int, most: int) -> tuple[int, OutOfMemoryError | None]:
         """A slot for keyframe `count`, -1: `most` are held or memory is out; and the error of memory, if any.
@@ -123,8 +124,9 @@ class KeyframeSlots:
         for slot in rested[ready:][:_MOST_DROPPED].tolist():
             # first the mark: if the tracker dies in between, memory is wasted, but the table stays true
             store_ordered(self._table, slot, _DROPPED)
-            for name in _names(slot // SLAB_KEYFRAMES):
-                self._arrays.drop_row(name, slot % SLAB_KEYFRAMES)
+            slab, row = divmod(slot, self._per_slab)
+            for name in _names(slab):
+                self._arrays.drop_row(name, row)
 
     def _has_memory(self, table: np.ndarray) -> np.ndarray:
         return (np.arange(len(table)) < self._reserved_slots()) & (table != _DROPPED)
@@ -135,11 +137,12 @@ class KeyframeSlots:
         Raises:
             OutOfMemoryError: there is not enough.
         """
+        slab, row = divmod(slot, self._per_slab)
         if slot >= self._reserved_slots():
-            self._slab(slot // SLAB_KEYFRAMES, create=True)
+            self._slab(slab, create=True)
             return
-        for name in _names(slot // SLAB_KEYFRAMES):
-            self._arrays.reserve_row(name, slot % SLAB_KEYFRAMES)
+        for name in _names(slab):
+            self._arrays.reserve_row(name, row)
 
     def _reserved_slots(self) -> int:
         """Number of slots in the slabs that exist."""
