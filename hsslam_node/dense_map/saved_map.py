@@ -26,6 +26,7 @@ class SavedMap(DenseMap):
         self, path: Path, checkpoint: MapCheckpoint, device: DeviceChoice, far_m: float = FAR_M
     ) -> None:
         self.checkpoint = checkpoint
+        self._opened_with = (path, checkpoint, device, far_m)
         super().__init__(
             checkpoint.layout,
             checkpoint.params,
@@ -71,6 +72,10 @@ class SavedMap(DenseMap):
             UserError: the file cannot be written.
         """
         save_checkpoint(Path(path), self.checkpoint)
+
+    def __reduce__(self) -> "tuple[type[SavedMap], tuple]":
+        """Pickle all that the file held, so that processes of a pool get the map; they look at it anew."""
+        return SavedMap, self._opened_with
 
     def _depth_of_view(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
         return self._rays.depth(camera, T_world_cam)

@@ -1,5 +1,6 @@
 """What the map of the small room says of places, rays and bodies, against the room's true surface."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -56,6 +57,18 @@ def test_depth_that_was_not_mapped_shows_no_surface_in_a_saved_map(tmp_path):
 
     assert 1.0 < farthest_m(near) < 3.0 < farthest_m(_map())
     assert near.query(_measured(6)).known.mean() < _map().query(_measured(6)).known.mean()
+
+
+def test_processes_of_a_pool_get_the_same_map(tmp_path):
+    room = mapped_room()
+    save_checkpoint(tmp_path / "m.safetensors", map_snapshot(room.store, room.parameters, SMALL))
+    saved = SavedMap.open(tmp_path / "m.safetensors", "cpu", far_m=2.0)
+    points = np.concatenate([_measured(6)[::7], [[0.0, 0.0, 40.0]]])
+    expected = saved.query(points)
+    (tmp_path / "m.safetensors").unlink()
+    answers = pickle.loads(pickle.dumps(saved)).query(points)
+    for got, wanted in zip(answers, expected, strict=True):
+        assert np.array_equal(got, wanted, equal_nan=True)
 
 
 def test_distance_is_zero_at_what_a_frame_measured_and_grows_towards_the_camera():
