@@ -277,6 +277,10 @@ class KeyframeStore:
 
     def pose(self, k: int) -> np.ndarray:
         """T_world_cam of keyframe k, [4, 4]."""
+        return self._poses.one(k)[0]
+
+    def pose_at(self, k: int) -> tuple[np.ndarray, int]:
+        """T_world_cam of keyframe k, [4, 4], and the pose version that has it."""
         return self._poses.one(k)
 
     def covariance(self, k: int) -> np.ndarray:

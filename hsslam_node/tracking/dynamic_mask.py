@@ -17,6 +17,13 @@ _FEWEST_CELLS = 12  # of an object
 _LARGEST_SHARE = 0.6  # of the image; a larger mask means a wrong pose
 _STEP = 0.05  # share of the depth by which neighbouring cells of one object differ at most
 _SPACES, _EVERY = 8, 2  # keyframes that are compared; every second one
+_FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
+_SIDES = (
+    ((_LAST, _ALL), (_FIRST, _ALL)),
+    ((_FIRST, _ALL), (_LAST, _ALL)),
+    ((_ALL, _LAST), (_ALL, _FIRST)),
+    ((_ALL, _FIRST), (_ALL, _LAST)),
+)  # cells of an image that have a neighbour on one side, and these neighbours
 
 
 class DynamicMask:
@@ -112,9 +119,9 @@ def _objects(seeds: np.ndarray, unknown: np.ndarray, depth: np.ndarray) -> np.nd
         return mask
     while True:
         grown = mask.copy()
-        for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
-            neighbour, its_depth = np.roll(mask, shift, axis), np.roll(depth, shift, axis)
-            grown |= neighbour & unknown & (np.abs(its_depth - depth) < _STEP * depth)
+        for cells, neighbours in _SIDES:
+            is_near = np.abs(depth[neighbours] - depth[cells]) < _STEP * depth[cells]
+            grown[cells] |= mask[neighbours] & unknown[cells] & is_near
         if (grown == mask).all():
             return mask
         mask = grown

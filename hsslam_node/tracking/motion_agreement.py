@@ -21,7 +21,12 @@ class MotionAgreement:
         self._off = np.zeros(len(rest))
 
     def compare(self, moved: np.ndarray, off: np.ndarray, seconds: float) -> None:
-        """Take a tracked motion and its difference from the sensor's, both [n] m or rad."""
+        """Take a tracked motion and its difference from the sensor's, both [n] m or rad.
+
+        It is ignored if it took no time: stamps of a camera may repeat or go back.
+        """
+        if seconds <= 0:
+            return
         self._seconds = min(self._seconds + seconds, _MEMORY_S)
         share = min(seconds / self._seconds, 1.0)
         self._moved += share * ((moved / seconds) ** 2 - self._moved)

@@ -173,7 +173,8 @@ class RenderingTracker:
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)
-        k = self._store.append(frame, T_world_cam)
+        with self._store.appending():
+            k = self._store.append(frame, T_world_cam)
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult.first(frame.index, k, T_world_cam)
 
@@ -191,7 +192,8 @@ class RenderingTracker:
         is_keyframe = is_due and not self._localise_only and self._store.has_room()
         if is_keyframe:
             self._since_keyframe = 0
-            k, T_keyframe_cam = self._store.append(frame, T), np.eye(4)
+            with self._store.appending():
+                k, T_keyframe_cam = self._store.append(frame, T), np.eye(4)
         else:
             k = self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T

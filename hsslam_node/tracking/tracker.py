@@ -181,7 +181,7 @@ class Tracker:
             k, T_keyframe_cam = new.id, np.eye(4)
         else:
             k = aligner.keyframe if seen.localise_only else self._store.count - 1
-            T_keyframe_cam = inverse(self._store.pose(k)) @ T
+            T, T_keyframe_cam, version = aligner.placed_beside(k, alignment)
         self._choose_next_reference(seen, alignment, T, new)
         is_back = self._reckoned.is_on and motion.lost_frames == 0
         T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None

@@ -52,13 +52,13 @@ class KeyframePoses:
             if self.version == version:
                 return copy
 
-    def one(self, k: int) -> np.ndarray:
-        """T_world_cam of keyframe k, [4, 4]."""
+    def one(self, k: int) -> tuple[np.ndarray, int]:
+        """T_world_cam of keyframe k, [4, 4], and its version."""
         while True:
             version = self.version
             copy = self._rows.pose(k, version % 2)
             if self.version == version:
-                return copy
+                return copy, version
 
     @contextlib.contextmanager
     def appending(self) -> Iterator[None]:

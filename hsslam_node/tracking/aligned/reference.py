@@ -46,14 +46,12 @@ class AlignedAt:
 
     @classmethod
     def now(cls, keyframe: int, store: KeyframeStore) -> "AlignedAt":
-        """The pose in the store; the version is read first, so that a correction in between is noticed."""
-        version = store.pose_version
-        return cls(keyframe, store.pose(keyframe), version)
+        """The pose in the store, and the version that has it."""
+        return cls(keyframe, *store.pose_at(keyframe))
 
     def followed(self, T: np.ndarray, store: KeyframeStore) -> tuple[np.ndarray, int]:
         """An aligned pose [4, 4], moved with the reference if it was corrected, and the pose version."""
-        newest = store.pose_version
-        if newest == self.pose_version:
+        T_world_ref, newest = store.pose_at(self.keyframe)
+        if newest == self.pose_version or (T_world_ref == self.T_world_ref).all():
             return T, newest
-        now, then = store.pose(self.keyframe), self.T_world_ref
-        return (T if (now == then).all() else orthonormal(now @ inverse(then) @ T)), newest
+        return orthonormal(T_world_ref @ inverse(self.T_world_ref) @ T), newest

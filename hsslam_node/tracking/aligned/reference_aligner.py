@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
@@ -82,6 +83,14 @@ class ReferenceAligner:
         """The pose [4, 4] of the newest alignment, moved with its reference, and its pose version."""
         assert self._aligned_at is not None
         return self._aligned_at.followed(orthonormal(alignment.T_world_cam), self._store)
+
+    def placed_beside(self, k: int, alignment: Alignment) -> tuple[np.ndarray, np.ndarray, int]:
+        """As `placed`, with T_keyframe_cam [4, 4] from the pose of keyframe k at the same pose version."""
+        while True:
+            T, version = self.placed(alignment)
+            T_world_key, its_version = self._store.pose_at(k)
+            if its_version == version:
+                return T, inverse(T_world_key) @ T, version
 
     def doubt(self, alignment: Alignment) -> PoseDoubt:
         """Covariances of the newest alignment."""

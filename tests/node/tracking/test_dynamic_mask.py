@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.tracking.dynamic_mask import seen_space, without_dynamic_pixels
 from tests.small_room import displaced, room_frames, room_poses
 
@@ -57,3 +58,25 @@ def test_a_wrong_pose_leaves_nothing_out():
     near = replace(frame, depth_raw=frame.depth_raw // 2)
     assert without_dynamic_pixels(near, room_poses()[8], _seen(0, 4)) is near
     assert without_dynamic_pixels(near, room_poses()[8], []) is near
+
+
+@pytest.mark.parametrize(("turns", "flip"), [(0, False), (0, True), (1, False), (1, True)])
+def test_a_thing_at_one_border_leaves_out_no_surface_at_the_opposite_border(turns, flip):
+    """A thing at one border comes where there was free space; a wall as far away opposite to it is new."""
+    known = np.full((96, 96), 3000, np.uint16)
+    now = known.copy()
+    now[30:70, :12] = now[:, 72:] = 2000
+    known[:, 72:] = 0
+
+    def frame(depth_raw: np.ndarray) -> Frame:
+        depth_raw = np.rot90(depth_raw[:, ::-1] if flip else depth_raw, turns)
+        camera = Camera(96, 96, 100.0, 100.0, 47.5, 47.5)
+        color = np.zeros((96, 96, 3), np.uint8)
+        return Frame(1, 1, camera, color, np.ascontiguousarray(depth_raw), 1000.0)
+
+    seen = [(seen_space(0, frame(known)), np.eye(4))]
+    before = frame(now)
+    after = without_dynamic_pixels(before, np.eye(4), seen)
+    gone = np.rot90((after.depth_raw == 0) & (before.depth_raw > 0), -turns)
+    gone = gone[:, ::-1] if flip else gone
+    assert gone[30:70, :12].mean() > 0.8 and not gone[:, 72:].any()

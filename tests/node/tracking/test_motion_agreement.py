@@ -31,3 +31,13 @@ def test_it_is_not_known_at_once_and_a_short_slip_is_forgotten():
     for rates in [(1.0, 1.0)] * 30 + [(1.0, 0.0)] * 30:  # one second of wheels that stand still
         agreement.compare(*(np.array([_PERIOD_S * rate]) for rate in rates), _PERIOD_S)
         assert agreement.holds
+
+
+@pytest.mark.parametrize("when", ["first", "later"])
+@pytest.mark.parametrize("seconds", [0.0, -5.0])
+def test_stamps_that_repeat_or_go_back_count_for_nothing(when, seconds):
+    agreement = MotionAgreement(0.1) if when == "first" else _after(2.0, 1.0, 0.0)
+    agreement.compare(np.array([0.03]), np.array([0.03]), seconds)
+    for _ in range(60):
+        agreement.compare(np.array([_PERIOD_S]), np.array([0.0]), _PERIOD_S)
+    assert agreement.is_known and agreement.holds

@@ -14,6 +14,7 @@ from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
+from hsslam_node.tracking.aligned.new_keyframes import NewKeyframes
 from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
@@ -191,6 +192,27 @@ def test_a_pose_that_was_corrected_while_its_frame_was_aligned_follows():
     T = inverse(move) @ result.T_world_cam
     assert pose_error(T, room_poses()[6])[0] < 0.002 and result.status == "tracked"
     np.testing.assert_allclose(store.pose(result.keyframe) @ result.T_keyframe_cam, move @ T)
+
+
+def test_a_correction_while_a_tracked_frame_is_accepted_moves_its_keyframe_and_it_together(
+    monkeypatch,
+):
+    frames, store = room_frames(), _store()
+    tracker, _ = _tracked(store, frames[:6])
+    expected = _tracked(_store(), frames[:7])[1][-1]
+    move = se3_exp(np.array([0.5, 0.1, 0, 0, 0.3, 0]))
+    is_due = NewKeyframes.is_due
+
+    def corrected_meanwhile(*args: object) -> bool:
+        """Asked after the pose of the frame was read, before that of its keyframe."""
+        store.correct_poses(np.arange(store.count), move @ store.poses())
+        return is_due(*args)
+
+    monkeypatch.setattr(NewKeyframes, "is_due", corrected_meanwhile)
+    result = tracker.track(frames[6], None)
+    assert (result.pose_version, result.is_keyframe) == (store.pose_version, False)
+    np.testing.assert_allclose(result.T_keyframe_cam, expected.T_keyframe_cam, atol=1e-9)
+    np.testing.assert_allclose(result.T_world_cam, move @ expected.T_world_cam, atol=1e-9)
 
 
 def test_a_map_that_lags_behind_does_not_lose_the_camera():
