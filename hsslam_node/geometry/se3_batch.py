@@ -95,3 +95,14 @@ def quaternions_from_rotations(R: np.ndarray) -> np.ndarray:
         q[at, k] = R[at, k, i] + R[at, i, k]
         q[at, 3] = R[at, k, j] - R[at, j, k]
     return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def transforms(translations: np.ndarray, quaternions_xyzw: np.ndarray) -> np.ndarray:
+    """Rigid transforms [N, 4, 4] of translations [N, 3] and quaternions [N, 4] (normalised here)."""
+    q = quaternions_xyzw / np.linalg.norm(quaternions_xyzw, axis=1, keepdims=True)
+    cross = _skew(q[:, :3])
+    T = np.zeros((len(q), 4, 4))
+    T[:, :3, :3] = np.eye(3) + 2 * (q[:, 3, None, None] * cross + cross @ cross)
+    T[:, :3, 3] = translations
+    T[:, 3, 3] = 1
+    return T

@@ -115,6 +115,10 @@ class FieldParameters:
         store_ordered(self._state, _STEP, step)
         return step
 
+    def resume_steps(self, step: int) -> None:
+        """Writer: the next Adam step is the one after `step`, as in the map that was saved."""
+        store_ordered(self._state, _STEP, step)
+
     def mark_stepped(self, chunks: np.ndarray, steps: np.ndarray | int) -> None:
         """Writer: note which step moved `chunks` [n], if it was not the Adam kernel."""
         self.stepped_at[chunks] = steps

@@ -109,8 +109,7 @@ def _restore_parameters(
         parameters.grow(layout.bound, 0)
     assert parameters.layout == layout
     parameters.params[:], parameters.second_moment[:] = saved.params, second_moment
-    while parameters.step < saved.step:
-        parameters.count_step()
+    parameters.resume_steps(saved.step)
     parameters.mark_stepped(np.arange(len(parameters.stepped_at)), saved.step)
     if box and not layout.bound.contains(np.reshape(box, (2, 3))).all():
         parameters.grow(Bound.of(*np.reshape(box, (2, 3))), 0)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import transform
-from hsslam_node.geometry.se3_batch import quaternions_from_rotations
+from hsslam_node.geometry.se3_batch import quaternions_from_rotations, transforms
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.epoch_poses import EpochPoses
 from hsslam_node.map.pose_log import PoseLog
@@ -104,6 +103,5 @@ def trajectory_so_far(
 def trajectory_of(rows: TrajectoryRows) -> Trajectory:
     """The trajectory in a message."""
     poses = np.frombuffer(rows.poses, "<f8").reshape(-1, 7)
-    T_world_cam = [transform(row[:3], row[3:]) for row in poses]
     stamps_ns = np.frombuffer(rows.stamps_ns, "<i8").astype(np.int64)
-    return Trajectory(stamps_ns, np.array(T_world_cam).reshape(-1, 4, 4))
+    return Trajectory(stamps_ns, transforms(poses[:, :3], poses[:, 3:]))

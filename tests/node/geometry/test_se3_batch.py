@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, se3_exp, se3_log
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, se3_exp, se3_log, transform
 from hsslam_node.geometry.se3_batch import (
     adjoint_batch,
     exp_batch,
@@ -10,6 +10,7 @@ from hsslam_node.geometry.se3_batch import (
     log_batch,
     log_jacobian_batch,
     quaternions_from_rotations,
+    transforms,
 )
 
 _TWISTS = np.random.default_rng(0).normal(size=(30, 6)) * np.logspace(-7, 0, 30)[:, None]
@@ -31,6 +32,15 @@ def test_quaternions_are_those_of_single_rotations():
         quaternions_from_rotations(R), [quaternion_from_rotation(M) for M in R]
     )
     assert quaternions_from_rotations(R[:0]).shape == (0, 4)
+
+
+def test_transforms_are_those_of_single_ones():
+    T = exp_batch(3.0 * _TWISTS)
+    q = 7.0 * quaternions_from_rotations(T[:, :3, :3])
+    again = transforms(T[:, :3, 3], q)
+    np.testing.assert_allclose(again, T, atol=1e-12)
+    np.testing.assert_allclose(again, [transform(M[:3, 3], r) for M, r in zip(T, q, strict=True)])
+    assert transforms(T[:0, :3, 3], q[:0]).shape == (0, 4, 4)
 
 
 def test_the_adjoint_moves_a_twist_to_the_other_side():
