@@ -1,9 +1,10 @@
 """Commits the results of a log: move the run folder to its place, then write the row that makes it valid."""
 
 import contextlib
+import fcntl
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -13,6 +14,8 @@ from hsslam_batch.attempt.outcome import Outcome, encoded
 from hsslam_batch.plan.batch import DONE, Batch
 from hsslam_batch.plan.log import Log
 from hsslam_node.durable_file import sync_folder, write_durably
+
+_LOCK = ".commit.lock"
 
 
 def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
@@ -25,15 +28,16 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
         store_results.commit(batch, batch.store, outcome, run_dir)
         return
     target = batch.run_dir(outcome.id)
-    if _is_done(batch, outcome):
-        return
-    _remove(target)
-    target.parent.mkdir(exist_ok=True)
-    run_dir.rename(target)
-    sync_folder(target.parent)
-    _link_recordings(target, batch.rrd_file(outcome.id))
-    write_durably(batch.done_file(outcome.id), encoded(outcome))
-    batch.failed_file(outcome.id).unlink(missing_ok=True)
+    with _alone(batch):
+        if _is_done(batch, outcome):
+            return
+        _remove(target)
+        target.parent.mkdir(exist_ok=True)
+        run_dir.rename(target)
+        sync_folder(target.parent)
+        _link_recordings(target, batch.rrd_file(outcome.id))
+        write_durably(batch.done_file(outcome.id), encoded(outcome))
+        batch.failed_file(outcome.id).unlink(missing_ok=True)
 
 
 def settle_failed(batch: Batch, outcome: Outcome) -> None:
@@ -45,13 +49,14 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
     if batch.store is not None:
         store_results.settle_failed(batch, batch.store, outcome)
         return
-    if _is_done(batch, outcome):
-        return
-    _remove(batch.run_dir(outcome.id))
-    _unlink_recordings(batch.rrd_file(outcome.id))
-    path = batch.failed_file(outcome.id)
-    path.parent.mkdir(exist_ok=True)
-    write_durably(path, encoded(outcome))
+    with _alone(batch):
+        if _is_done(batch, outcome):
+            return
+        _remove(batch.run_dir(outcome.id))
+        _unlink_recordings(batch.rrd_file(outcome.id))
+        path = batch.failed_file(outcome.id)
+        path.parent.mkdir(exist_ok=True)
+        write_durably(path, encoded(outcome))
 
 
 def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
@@ -99,6 +104,18 @@ def all_settled(batch: Batch, logs: Sequence[Log]) -> dict[str, Outcome]:
         if batch.store is not None:
             return store_results.settled(batch, batch.store, ids)
         return {log_id: row for log_id in ids if (row := settled(batch, log_id))}
+
+
+@contextlib.contextmanager
+def _alone(batch: Batch) -> Iterator[None]:
+    """Wait for other attempts that commit: a log may have two, if its node was unreachable for a while.
+
+    A file system without locks, such as some shared ones, has no such protection.
+    """
+    with (batch.out / _LOCK).open("w") as file:
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _is_done(batch: Batch, outcome: Outcome) -> bool:

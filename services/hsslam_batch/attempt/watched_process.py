@@ -27,6 +27,7 @@ _LOOK_S = 1.0
 _MEMORY_EVERY_S = 2.0  # the kernel walks all pages to measure PSS
 _GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
 _BETWEEN_SIGNALS_S = 0.3
+_KILLING_S = 60.0
 
 Why = Literal["", "timeout", "memory", "cancelled"]
 
@@ -100,7 +101,8 @@ def watch(
         for pool in set().union(*pools):
             pool.unlink(missing_ok=True)
     wall_s = time.monotonic() - start_s
-    return End(process.returncode, why, wall_s, _core_s() - core_s, memory.peak_mb)
+    code = -signal.SIGKILL if process.returncode is None else process.returncode
+    return End(code, why, wall_s, _core_s() - core_s, memory.peak_mb)
 
 
 class _Memory:
@@ -135,12 +137,17 @@ def _end(process: subprocess.Popen) -> None:
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_GRACE_S)
     process.kill()
-    process.wait()
+    with contextlib.suppress(subprocess.TimeoutExpired):  # it waits for a disk that does not answer
+        process.wait(_GRACE_S)
 
 
 def _kill_all() -> None:
-    """Kill and reap all descendants, including orphans adopted meanwhile, until none is left."""
-    while below := psutil.Process().children(recursive=True):
+    """Kill and reap all descendants, including orphans adopted meanwhile, until none is left.
+
+    Gives up after `_KILLING_S`: a process that waits for a disk or device that does not answer cannot die.
+    """
+    deadline_s = time.monotonic() + _KILLING_S
+    while (below := psutil.Process().children(recursive=True)) and time.monotonic() < deadline_s:
         for process in below:
             with contextlib.suppress(psutil.Error):
                 process.kill()

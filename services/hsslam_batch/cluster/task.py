@@ -6,6 +6,7 @@ ends the run.
 
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,25 +42,27 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
     node_id = ray.get_runtime_context().get_node_id()
     if not ray.get(board.begin.remote(index, node_id)):
         return TaskResult(is_begun=False)
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
     outcome, refusal = None, ""
-    assert process.stdout and process.stderr
-    for text in process.stdout:
-        match msgspec.json.decode(text, type=Line):
-            case Frames(frames):
-                board.progress.remote(index, frames)
-            case Ended(found):
-                outcome = found
-            case Refused(reason):
-                refusal = reason
-    words = process.stderr.read().decode(errors="replace").strip().splitlines()
-    code = process.wait()
+    with tempfile.TemporaryFile() as stderr:  # a pipe that is not read would stop the process
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            start_new_session=True,
+        )
+        assert process.stdout
+        for text in process.stdout:
+            match msgspec.json.decode(text, type=Line):
+                case Frames(frames):
+                    board.progress.remote(index, frames)
+                case Ended(found):
+                    outcome = found
+                case Refused(reason):
+                    refusal = reason
+        code = process.wait()
+        stderr.seek(0)
+        words = stderr.read().decode(errors="replace").strip().splitlines()
     if outcome is not None:
         return TaskResult(outcome, node_id=node_id)
     if refusal:

@@ -1,9 +1,11 @@
 """A result counts from one step on, of one configuration, and once."""
 
+import threading
 from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt import commit as commit_module
 from hsslam_batch.attempt.commit import (
     all_settled,
     commit,
@@ -41,6 +43,30 @@ def test_the_first_of_two_attempts_stays(tmp_path: Path):
     assert settled(batch, "id0") == first
     assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
     assert not batch.failed_file("id0").exists()
+
+
+def test_two_attempts_that_end_together_leave_the_row_and_the_files_of_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    batch = planned(tmp_path / "out")
+    first = outcome(batch, 0, node="a")
+    folder = run_folder(batch, 0)
+    folder = folder.rename(folder.with_name("first"))
+    second = outcome(batch, 0, node="b"), run_folder(batch, 0, "second")
+    other = threading.Thread(target=commit, args=(batch, *second))
+    link = commit_module._link_recordings
+
+    def linked_while_the_other_commits(*paths: Path) -> None:
+        if other.ident is None:
+            other.start()
+            other.join(0.5)
+        link(*paths)
+
+    monkeypatch.setattr(commit_module, "_link_recordings", linked_while_the_other_commits)
+    commit(batch, first, folder)
+    other.join()
+    assert settled(batch, "id0") == first
+    assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
 
 
 def test_a_failure_is_kept_until_the_log_is_done(tmp_path: Path):

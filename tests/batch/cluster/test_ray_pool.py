@@ -96,7 +96,8 @@ def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path:
         drive(map(Try, range(3)), pool, judge, lambda: False)
         assert begun == []
         line = msgspec.json.encode(Refused("other code")).decode()
-        pool = RayPool(perform_command, lambda one: ["echo", line], share, None)
+        much_first = 'head -c 1000000 /dev/zero >&2; echo "$0"'  # more than a pipe holds
+        pool = RayPool(perform_command, lambda one: ["sh", "-c", much_first, line], share, None)
         drive([Try(0)], pool, lambda _, result: refusals.append(result), lambda: False)
         assert [(one.trouble, one.is_begun) for one in refusals] == [("other code", False)]
 
