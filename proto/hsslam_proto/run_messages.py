@@ -2,6 +2,7 @@
 
 # ruff: noqa: RUF012 - msgspec copies a default that is an empty list or map
 
+import time
 from typing import Annotated, Literal
 
 import msgspec
@@ -18,6 +19,8 @@ from hsslam_proto.message import (
     StampNs,
     Text,
 )
+
+_TEXT_BYTES = 4096  # of an event: at most as many characters, and small in a message
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
@@ -76,6 +79,12 @@ class Event(Message, frozen=True, kw_only=True):
     level: Level
     text: Text
     stamp_ns: StampNs
+
+    @staticmethod
+    def now(process: str, level: Level, text: str) -> "Event":
+        """An event with the time of now; cuts a text of more than 4096 bytes in UTF-8."""
+        text = text.encode(errors="replace")[:_TEXT_BYTES].decode(errors="ignore")
+        return Event(process=process, level=level, text=text, stamp_ns=time.time_ns())
 
 
 class Hold(Message, frozen=True, kw_only=True):

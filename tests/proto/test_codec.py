@@ -31,6 +31,15 @@ def test_pose_round_trip(index, x, y, z, status):
     assert decode(topics.POSE, encode(topics.POSE, pose), encoding_of(topics.POSE)) == pose
 
 
+@pytest.mark.parametrize("letter", ["x", "ü", "\U0001f916", "\ud800"])
+def test_an_event_with_a_long_text_is_cut_and_fits(letter):
+    event = run_messages.Event.now("tracker", "warning", 9000 * letter)
+    payload = encode(topics.EVENT, event)
+    assert len(payload) < topics.EVENT.size_limit_bytes
+    back = decode(topics.EVENT, payload, encoding_of(topics.EVENT))
+    assert isinstance(back, run_messages.Event) and len(back.text) > 1000
+
+
 def test_frame_round_trip_shares_the_payload():
     frame = _frame()
     back = decode(topics.FRAME, encode(topics.FRAME, frame), encoding_of(topics.FRAME))

@@ -43,7 +43,7 @@ class Arena:
         with self.lease("arena-create"):
             if not self.exists(name):
                 self._reserve(name, math.prod(shape) * dtype.itemsize)
-                ArrayHeader(dtype, tuple(shape)).write(self._path(name, ".json"))
+                self._write_header(name, ArrayHeader(dtype, tuple(shape)))
         array = self.open(name)
         if array.shape != tuple(shape) or array.dtype != dtype:
             raise ValueError(
@@ -150,20 +150,31 @@ class Arena:
         finally:
             os.close(fd)
 
+    def _write_header(self, name: str, header: ArrayHeader) -> None:
+        try:
+            header.write(self._path(name, ".json"))
+        except OSError as error:
+            self._path(name, ".bin").unlink()
+            raise self._refusal(name, header.nbytes, error) from None
+
     def _fallocate(self, name: str, fd: int, start: int, nbytes: int) -> None:
         try:
             os.posix_fallocate(fd, start, nbytes)
         except OSError as error:
-            if error.errno == errno.EFBIG:
-                raise OutOfMemoryError(
-                    f"array {name} needs {nbytes} bytes in one file: expected a larger limit of file "
-                    "sizes (ulimit -f)"
-                ) from None
-            if error.errno not in (errno.ENOSPC, errno.ENOMEM):
-                raise
-            free = os.statvfs(self.folder)
-            raise OutOfMemoryError(
-                f"{self.folder.parent}: array {name} needs {nbytes} bytes, "
-                f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
-                "(docker: --shm-size)"
-            ) from None
+            raise self._refusal(name, nbytes, error) from None
+
+    def _refusal(self, name: str, nbytes: int, error: OSError) -> OSError | OutOfMemoryError:
+        """What to raise if the memory of an array is refused by this error."""
+        if error.errno == errno.EFBIG:
+            return OutOfMemoryError(
+                f"array {name} needs {nbytes} bytes in one file: expected a larger limit of file "
+                "sizes (ulimit -f)"
+            )
+        if error.errno not in (errno.ENOSPC, errno.ENOMEM):
+            return error
+        free = os.statvfs(self.folder)
+        return OutOfMemoryError(
+            f"{self.folder.parent}: array {name} needs {nbytes} bytes, "
+            f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
+            "(docker: --shm-size)"
+        )

@@ -32,8 +32,9 @@ class ArenaFolder:
         unlocked = root / f".{self.path.name}"  # other processes do not look for this name
         try:
             unlocked.mkdir(mode=0o700)
-            self._lock = os.open(unlocked / _OWNER_LOCK, os.O_RDWR | os.O_CREAT, 0o600)
-            fcntl.flock(self._lock, fcntl.LOCK_EX)
+            lock = os.open(unlocked / _OWNER_LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            self._lock: int | None = lock
+            fcntl.flock(lock, fcntl.LOCK_EX)
             owner = {"pid": os.getpid(), "start_ticks": start_ticks(), "run_dir": str(run_dir)}
             (unlocked / _OWNER).write_text(json.dumps(owner))
             unlocked.rename(self.path)
@@ -47,9 +48,10 @@ class ArenaFolder:
         self.let_go()
 
     def let_go(self) -> None:
-        """Give up ownership and keep the folder."""
-        with contextlib.suppress(OSError):
+        """Give up ownership and keep the folder; a second call does nothing."""
+        if self._lock is not None:
             os.close(self._lock)
+            self._lock = None
 
 
 def disk_folder(run_dir: Path, arena_dir: Path) -> Path:
@@ -64,10 +66,7 @@ def remove_arena(path: Path) -> None:
     """Remove an arena folder and its arrays on disk; ignores errors."""
     with contextlib.suppress(OSError):
         on_disk = disk_folder(run_dir_of(path), path)
-        for link in path.glob("*.bin"):
-            if link.is_symlink() and link.readlink().parent == on_disk.absolute():
-                link.readlink().unlink(missing_ok=True)
-        on_disk.rmdir()
+        shutil.rmtree(on_disk)
         on_disk.parent.rmdir()
     shutil.rmtree(path, ignore_errors=True)
 

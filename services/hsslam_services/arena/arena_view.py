@@ -5,6 +5,7 @@ Separate from `arena.py` so that the supervisor does not import torch.
 
 import contextlib
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,12 +19,21 @@ class ArrayHeader(NamedTuple):
     dtype: np.dtype
     shape: tuple[int, ...]
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the array."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
     def write(self, path: Path) -> None:
         """Write the header atomically."""
         descr = np.lib.format.dtype_to_descr(self.dtype)
         partial = path.with_suffix(".tmp")
-        partial.write_text(json.dumps({"dtype": descr, "shape": list(self.shape)}))
-        partial.replace(path)
+        try:
+            partial.write_text(json.dumps({"dtype": descr, "shape": list(self.shape)}))
+            partial.replace(path)
+        except OSError:
+            partial.unlink(missing_ok=True)
+            raise
 
     @staticmethod
     def read(path: Path) -> "ArrayHeader":

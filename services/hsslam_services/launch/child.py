@@ -254,8 +254,9 @@ class Child:
 
     def _is_overdue(self, seconds: float, limit_s: float, now: float) -> bool:
         """Whether a time limit has passed; a process that waits for a core of a busy machine has longer."""
+        if self.pid is None:  # only requested: `ForkedProcess` limits how long
+            return False
         if self._core_wait is None:
-            assert self.pid is not None
             self._core_wait = CoreWait(self.pid)
         self._core_wait.look(now)
         if seconds <= limit_s:

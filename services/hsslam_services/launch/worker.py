@@ -140,9 +140,7 @@ class Worker:
         """Report to the operator: status line, log, viewer. A full disk costs only the line in the log."""
         with contextlib.suppress(OSError):
             print(f"{level}: {text}", file=sys.stderr, flush=True)
-        self._events.put(
-            Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
-        )
+        self._events.put(Event.now(self.name, level, text))
 
     def warn_once(self, report: Report) -> None:
         """Count a report by its kind; send a warning for the first of each kind."""

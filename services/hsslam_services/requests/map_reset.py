@@ -112,7 +112,7 @@ class MapReset:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
             self._mode.map_epoch += 1
             state.forget_map()
-            self._report(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
+            self._report(f"map discarded by a client: map epoch {self.map_epoch} begins")
         self._go_on()
         needed = [child for child in children if child.spec.ends_run]
         while not all(child.state == "running" for child in needed):
@@ -161,13 +161,10 @@ class MapReset:
             if error:
                 each.refuse("failed", f"reset: {error}")
             else:
-                each.answer(
-                    Done(text=f"the map was thrown away: map epoch {self.map_epoch} begins")
-                )
+                each.answer(Done(text=f"map discarded: map epoch {self.map_epoch} begins"))
 
     def _report(self, text: str) -> None:
-        now = time.time_ns()
-        self._events.put(Event(process="control", level="warning", text=text, stamp_ns=now))
+        self._events.put(Event.now("control", "warning", text))
 
 
 def _ended(children: list[Child]) -> _Steps:

@@ -1,7 +1,5 @@
 """The requests `pause`, `resume` and `set-mode`."""
 
-import time
-
 from hsslam_proto import topics
 from hsslam_proto.request_messages import Done, Mode, SetMode
 from hsslam_proto.run_messages import Event, Hold
@@ -70,6 +68,6 @@ class ModeSetting:
             asked.refuse("not_now", "set-mode: there is no map yet: expected its first version")
         else:
             self._mode.localise_only = wanted.mode == "localise-only"
-            text, now = f"mode: {wanted.mode}, as asked", time.time_ns()
-            self._events.put(Event(process="supervisor", level="info", text=text, stamp_ns=now))
+            text = f"mode set to {wanted.mode} by a client"
+            self._events.put(Event.now("supervisor", "info", text))
             asked.answer(Done(text=wanted.mode))

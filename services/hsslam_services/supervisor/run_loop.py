@@ -200,8 +200,7 @@ class RunLoop:
 
     def _report(self, text: str) -> None:
         self._status.say(text, "warning")
-        now = time.time_ns()
-        self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
+        self._events.put(Event.now("supervisor", "warning", text))
 
     def _announce(self, reason: StopReason) -> None:
         self._bus.publisher(topics.STOP).put(Stop(reason=reason.text))

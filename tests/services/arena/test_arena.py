@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.map.pose_log import POSE_ROW, PoseLog
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import (
     ArenaFolder,
+    disk_folder,
     foreign_arenas,
     kept_arenas,
     live_arenas,
@@ -132,6 +133,38 @@ def test_full_memory_names_the_bytes_and_leaves_nothing(small_shm: Path):
     assert not Arena(folder.path).exists("params")
     assert not (folder.path / "params.bin").exists()
     Arena(folder.path).create("params", (1000,), np.float32)
+
+
+def test_memory_that_is_full_but_for_the_data_is_told_as_such(small_shm: Path):
+    """The last page goes to the data, and there is none for the header."""
+    folder = ArenaFolder("full", small_shm, root=small_shm)
+    free = os.statvfs(small_shm)
+    with pytest.raises(
+        OutOfMemoryError, match=rf"array params needs {(free.f_bavail) * 4096} bytes"
+    ):
+        Arena(folder.path).create("params", (free.f_bavail * 4096,), np.uint8)
+    assert [path.name for path in folder.path.glob("params*")] == []
+    Arena(folder.path).create("params", (1000,), np.float32)
+
+
+def test_an_owner_lets_go_once(tmp_path: Path):
+    folder = ArenaFolder("one", tmp_path, root=tmp_path)
+    folder.remove()
+    other = (tmp_path / "file").open("w")  # gets the number of the lock's descriptor
+    folder.let_go()
+    other.write("text")
+    other.close()
+
+
+def test_what_a_killed_process_left_on_disk_is_removed_too(tmp_path: Path):
+    folder = ArenaFolder("one", tmp_path / "run", root=tmp_path)
+    on_disk = disk_folder(tmp_path / "run", folder.path)
+    arena = Arena(folder.path)
+    arena.create("poses", (3,), np.int64)
+    arena.move_to_disk("poses", on_disk)
+    (on_disk / ".hsslam-12.partial.bin").write_bytes(b"half")
+    folder.remove()
+    assert not (tmp_path / "run" / ".arena").exists()
 
 
 def test_a_limit_of_file_sizes_is_named(tmp_path: Path):

@@ -170,7 +170,7 @@ def _expect_new_epoch(run, me: tuple[str, ...]) -> None:
     """A reset replaces whoever holds the map, and nobody else; poses begin anew at the origin."""
     old = {name: run.pid_of(name) for name in (*_OF_MAP, *_OF_RUN)}
     assert _expect("pause", *me) == "paused\n"
-    assert _expect("reset", *me) == "the map was thrown away: map epoch 1 begins\n"
+    assert _expect("reset", *me) == "map discarded: map epoch 1 begins\n"
     assert "refused: reset: there is no map yet" in _ctl("reset", *me).stderr
     assert "refused: trajectory: there is no pose yet" in _ctl("trajectory", *me).stderr
     now = _status(me)

@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import signal
+import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,9 @@ import pytest
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
+from hsslam_services.launch.fork_client import ForkedProcess
 from hsslam_services.launch.process_table import ProcessSpec
+from hsslam_services.launch.spawn import Spawn, spawn
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
 
@@ -33,10 +36,12 @@ def watch(run_info: RunInfo):
     health = bus.subscribe(topics.HEALTH, 16)
     children: list[Child] = []
 
-    def start(behaviour: str, *, may_pass: bool = False, **fields: float) -> Child:
+    def start(
+        behaviour: str, *, may_pass: bool = False, by: Spawn = spawn, **fields: float
+    ) -> Child:
         (run_info.path / "behaviour").write_text(behaviour)
         spec = dataclasses.replace(_SPEC, **fields)
-        child = Child(spec, run_info.path, may_pass=lambda: may_pass)
+        child = Child(spec, run_info.path, by, may_pass=lambda: may_pass)
         child.wanted = True
         children.append(child)
         return child
@@ -166,6 +171,19 @@ def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     pid, silent = child.pid, child.health
     until(lambda: child.health is not silent and child.state == "running", timeout_s=30)
     assert (child.pid, child.restarts, child.news) == (pid, 0, [told])
+
+
+def test_one_that_a_slow_fork_server_does_not_start_is_started_without_it(watch, run_info: RunInfo):
+    start, until = watch
+    server, link = socket.socketpair()  # this server never answers
+
+    def requested(module: str, run_dir: Path) -> ForkedProcess:
+        return ForkedProcess(link, lambda: spawn(module, run_dir), patience_s=2.5)
+
+    child = start("obedient", by=requested, startup_timeout_s=6.0)
+    until(lambda: child.state == "running")
+    assert child.restarts == 0
+    server.close()
 
 
 def test_loop_that_does_not_come_round_is_replaced(watch):
