@@ -46,7 +46,7 @@ class OakSource:
         self._watched = WatchedCamera(
             self.name, self._next, lambda: expect_oak(name), should_stop, lost
         )
-        first = self._watched.first()
+        first = self._watched.first(self._stop)
         self.camera, self.depth_units_per_m = first.camera, first.depth_units_per_m
         self.rate_hz = _RATE_HZ
         self.frame_count: int | None = options.frames

@@ -56,7 +56,7 @@ class OrbbecSource:
         self._watched = WatchedCamera(
             self.name, self._next, lambda: expect_orbbec(name), should_stop, (sdk.OBError,)
         )
-        first = self._watched.first()
+        first = self._watched.first(self._pipeline.stop)
         self.camera, self.depth_units_per_m = first.camera, first.depth_units_per_m
         self.rate_hz = float(_RATE_HZ)
         self.frame_count: int | None = options.frames

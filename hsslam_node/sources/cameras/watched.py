@@ -58,12 +58,20 @@ class WatchedCamera:
                 yield NoFrame(0, time.time_ns(), text)
                 self._expect_to_hear(silences)
 
-    def first(self, within_s: float = 10.0) -> Frame:
-        """The first frame, which gives size and lens.
+    def first(self, stop: Callable[[], None], within_s: float = 10.0) -> Frame:
+        """The first frame, which gives size and lens; if there is none, `stop` ends the driver.
 
         Raises:
             UserError: there is none.
         """
+        try:
+            return self._first(within_s)
+        except BaseException:
+            with contextlib.suppress(Exception):
+                stop()
+            raise
+
+    def _first(self, within_s: float) -> Frame:
         end_s, why = time.monotonic() + within_s, ""
         while time.monotonic() < end_s and not self.should_stop():
             try:

@@ -1,6 +1,7 @@
 """The results of the previous run in a folder: kept until the new run has poses."""
 
 import contextlib
+import itertools
 import shutil
 from pathlib import Path
 
@@ -68,13 +69,19 @@ class ReplacedResults:
         with contextlib.suppress(UserError):  # run.json of another version
             run = RunInfo.read(self._aside)
             name, arena_dir = f"earlier-{run.run_id}", Path(run.arena_dir)
-        kept = self._run_dir / name
-        kept.mkdir(exist_ok=True)
+        kept = self._free_folder(name)
         _move(self._aside, kept)
         self._aside.rmdir()
         if arena_dir is not None and (unsaved := read_unsaved(arena_dir)) is not None:
             mark_unsaved(arena_dir, kept, unsaved.artefacts)  # `hsslam-serve rescue` saves there
-        return name
+        return kept.name
+
+    def _free_folder(self, name: str) -> Path:
+        """A new folder of this name, or of it with a number."""
+        names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+        kept = next(path for each in names if not (path := self._run_dir / each).exists())
+        kept.mkdir()
+        return kept
 
     def remove(self) -> None:
         """Remove the previous results: the new run has poses."""

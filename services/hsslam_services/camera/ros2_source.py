@@ -1,5 +1,6 @@
 """A camera of ROS 2 as a source: `--source ros2:/camera`."""
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator
 
@@ -57,21 +58,20 @@ class Ros2Source:
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
         self._session = _session(options.ros2.connect)
         domain = options.ros2.domain
-        self._color, self._depth, self._info = (
-            self._session.declare_subscriber(
-                topic_keys(domain, topic), zenoh.handlers.RingChannel(_RING)
-            )
-            for topic in self._topics
-        )
         self.reports = Reports()
-        self._sensors = Ros2Sensors(name, options, self._session, self._cdr, self.reports)
-        try:
+        with contextlib.ExitStack() as on_error:
+            on_error.callback(self._session.close)
+            self._color, self._depth, self._info = (
+                self._session.declare_subscriber(
+                    topic_keys(domain, topic), zenoh.handlers.RingChannel(_RING)
+                )
+                for topic in self._topics
+            )
+            self._sensors = Ros2Sensors(name, options, self._session, self._cdr, self.reports)
             camera, first = self._wait(name)
             depth_scale = options.camera.depth_scale
             self._frames = RosFrames(f"ros2:{name}", camera, first, depth_scale)
-        except BaseException:
-            self._session.close()
-            raise
+            on_error.pop_all()
         color_frame, depth_frame = (image.frame_id for image in first)
         if color_frame and depth_frame and color_frame != depth_frame:
             self.reports.add(_other_frame(self._topics[1], depth_frame, color_frame))

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import tum_text
 from hsslam_proto import requests as rpc
@@ -215,7 +216,7 @@ def _write_mesh(mesh: Mesh, path: Path) -> None:
 def _write(path: Path | None, data: bytes) -> None:
     assert path is not None
     try:
-        path.write_bytes(data)
+        write_durably(path, data)
     except OSError as error:
         raise UserError(f"--out {path}: {error.strerror}: expected a file to write") from None
 

@@ -69,6 +69,17 @@ def test_results_come_back_after_a_run_that_was_killed_at_its_start(
     assert (run_dir / "trajectory.txt").read_text() == "saved by its watchdog"
 
 
+def test_what_was_kept_before_stays(run_dir: Path):
+    for text in ("first", "second"):
+        (run_dir / "run.json").write_text("no run of this version")
+        (run_dir / "trajectory.txt").write_text(text)
+        results = ReplacedResults(run_dir)
+        results.set_aside()
+        results.keep()
+    assert (run_dir / "earlier" / "trajectory.txt").read_text() == "first"
+    assert (run_dir / "earlier-2" / "trajectory.txt").read_text() == "second"
+
+
 def test_without_results_nothing_is_set_aside(tmp_path: Path):
     results = ReplacedResults(tmp_path)
     results.set_aside()

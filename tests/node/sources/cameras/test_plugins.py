@@ -171,10 +171,12 @@ def test_a_camera_that_is_gone_is_told_from_one_that_is_silent():
     with pytest.raises(SourceLostError, match="source oak: link is down"):
         next(watched.frames())
     with pytest.raises(UserError, match="source oak: link is down"):
-        watched.first()
+        watched.first(lambda: None)
+    stopped: list[str] = []
     dark = WatchedCamera("oak", lambda: BadFrame(0, 0, "no depth"), lambda: None, lambda: False)
     with pytest.raises(UserError, match=r"source oak: no frame within 0.01 s: no depth"):
-        dark.first(within_s=0.01)
+        dark.first(lambda: stopped.append("dark"), within_s=0.01)
+    assert stopped == ["dark"]  # else the next try finds a busy device
     stops = iter([False, True])
     seen = WatchedCamera("oak", lambda: BadFrame(0, 0, "x"), lambda: None, lambda: next(stops))
     assert len(list(seen.frames())) == 1
