@@ -3,9 +3,12 @@
 import json
 import re
 import subprocess
+from typing import Any
 
 import yaml
 
+from hsslam_batch.options import WorkOptions
+from hsslam_services.commands.cli import parse_options
 from tests.repository import ROOT
 
 
@@ -27,6 +30,35 @@ def test_aws_accepts_definition_and_job():
     assert files[1]["jobDefinition"] == files[0]["jobDefinitionName"]
 
 
+def test_argo_knows_every_field_of_its_workflow():
+    from hera.workflows.models import Workflow
+
+    text, _ = _blocks("yaml")
+    workflow = yaml.safe_load(text)
+    read = Workflow.model_validate(workflow)
+    assert _unread(workflow, read.model_dump(by_alias=True, mode="json")) == []
+    logs, work = workflow["spec"]["templates"]
+    assert logs["steps"][0][0]["template"] == work["name"]
+    command = [
+        part.replace("{{inputs.parameters.index}}", "7") for part in work["container"]["command"]
+    ]
+    options = parse_options(WorkOptions, "hsslam-batch work", command[2:])
+    assert command[:2] == ["hsslam-batch", "work"] and options.index == 7
+
+
+def _unread(given: Any, read: Any, path: str = "") -> list[str]:
+    """The paths of fields that a reader did not know."""
+    if isinstance(given, dict):
+        unread = [f"{path}/{key}" for key in given if key not in read]
+        return unread + [
+            x for k in given if k in read for x in _unread(given[k], read[k], f"{path}/{k}")
+        ]
+    if isinstance(given, list):
+        pairs = enumerate(zip(given, read, strict=True))
+        return [x for k, pair in pairs for x in _unread(*pair, f"{path}[{k}]")]
+    return []
+
+
 def test_the_array_of_slurm_is_a_script():
     (script,) = _blocks("bash")
     subprocess.run(["bash", "-n"], input=script, text=True, check=True)
@@ -38,11 +70,11 @@ def test_the_image_of_the_jobs_is_that_of_the_dockerfile():
     (image,) = re.findall(r"^docker build -f docker/Dockerfile.batch -t (\S+) \.$", text, re.M)
     definition, _ = map(json.loads, _blocks("json"))
     assert definition["containerProperties"]["image"] == image
-    assert f"image: {image}\n" in _blocks("yaml")[0]
+    assert all(f"image: {image}\n" in text for text in _blocks("yaml"))
 
 
 def test_the_job_of_kuberay_is_whole():
-    (text,) = _blocks("yaml")
+    _, text = _blocks("yaml")
     job = yaml.safe_load(text)
     cluster = job["spec"]["rayClusterSpec"]
     groups = [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
