@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Measures the figures of the README and stores them as JSON.
+    """Measures the figures of the documents and stores them as JSON.
 
     Subcommands, each with its own --help:
       ablation, replica, tum, scannet   measure a table of the paper
@@ -20,7 +20,7 @@ class BenchOptions:
 
     Examples:
       hsslam-bench --quick --only first-pose memory
-      hsslam-bench --docs README.md docs/results.md --from docs/figures/*.json
+      hsslam-bench --docs docs/results.md --from docs/figures/*.json
       hsslam-bench -- --slam.mapper.rays 500
 
     Every hsslam-serve gets the options after --; the figures then do not follow the protocol. With --docs the

@@ -5,6 +5,7 @@ A table lies between `<!-- bench:end -->` and a marker before it that names its 
     <!-- bench:begin -->              all rows
     <!-- bench:rows NAME ... -->      the rows of these names or groups
     <!-- bench:columns NAME ... -->   their values, a column for each run
+    <!-- bench:summary -->            how many bounds are met, and which are not
 """
 
 import re
@@ -20,7 +21,7 @@ from hsslam_node.errors import UserError
 
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 _BLOCK = re.compile(
-    r"<!-- bench:(?P<kind>begin|rows|columns)(?P<names>[^\n]*?) -->\n(?P<old>.*?)<!-- bench:end -->",
+    r"<!-- bench:(?P<kind>begin|rows|columns|summary)(?P<names>[^\n]*?) -->\n(?P<old>.*?)<!-- bench:end -->",
     re.DOTALL,
 )
 _HEAD = ("name", "what", "bound", "measured", "")
@@ -49,6 +50,8 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
 
     def renewed(block: re.Match) -> str:
         marker = block.group(0).partition("\n")[0]
+        if block["kind"] == "summary":
+            return "\n".join((marker, *_summary(newest), END))
         try:
             checks = select(newest.checks, block["names"].split())
         except UserError as error:
@@ -61,6 +64,24 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
     if count == 0:
         raise UserError(f"--docs {name}: expected the lines {BEGIN} and {END}")
     return filled
+
+
+def _summary(newest: NewestRows) -> list[str]:
+    """Counts of the rows with a bound, and the names of those that do not meet it."""
+    bounded = [newest.rows[check.name] for check in newest.checks if newest.rows[check.name].bound]
+    by_verdict = {mark: [row.name for row in bounded if row.verdict == mark] for mark in _MARKS}
+    missed = by_verdict["NOT MET"]
+    unmeasured = [row.name for row in bounded if row.verdict not in ("ok", "NOT MET")]
+    lines = [f"{len(by_verdict['ok'])} of {len(bounded)} bounds are met."]
+    if missed:
+        lines += ["", f"{len(missed)} are not met: {_names(missed)}."]
+    if unmeasured:
+        lines += ["", f"{len(unmeasured)} are not measured: {_names(unmeasured)}."]
+    return lines
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def _origins(newest: NewestRows, checks: Sequence[Check]) -> list[str]:

@@ -20,7 +20,7 @@ from tests.repository import ROOT
 
 def test_every_row_stands_in_the_results():
     text = (ROOT / "docs/results.md").read_text()
-    table = text[text.index(BEGIN) : text.index(END)]
+    table = text.partition(BEGIN)[2].partition(END)[0]
     assert [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")] == [
         check.name for check in select(catalogue(), [])
     ]
@@ -142,6 +142,19 @@ def test_document_holds_chosen_rows_and_their_values_by_run(tmp_path: Path):
     document.write_text(f"<!-- bench:rows bugdet -->\n{END}\n")
     with pytest.raises(UserError, match="budget"):
         fill_document(document, [])
+
+
+def test_a_document_counts_the_bounds_that_are_met_and_names_the_others(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text(f"<!-- bench:summary -->\nold\n{END}\n")
+    first = row_of("ate:house", "0.41 cm", "ok"), row_of("ate:kitchen", "9 cm", "NOT MET")
+    fill_document(document, [stored(tmp_path / "1.json", *first)])
+    counted, missed, unmeasured = re.findall(r"^(\d+) (.*)$", document.read_text(), re.M)
+    bounded = sum(bool(check.bound) for check in catalogue())
+    assert counted == ("1", f"of {bounded} bounds are met.")
+    assert missed == ("1", "are not met: `ate:kitchen`.")
+    assert unmeasured[0] == str(bounded - 2) and "`ate:livingroom`" in unmeasured[1]
+    assert "`ate:house`" not in unmeasured[1]
 
 
 def test_document_takes_no_try_outs(tmp_path: Path):
