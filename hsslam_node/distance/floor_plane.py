@@ -48,9 +48,10 @@ class FloorPlane:
         return " ".join(f"{part + 0.0:.3f}" for part in self.up)
 
     @property
-    def height_text(self) -> str:
-        """`height_m`, for people."""
-        return f"the floor at {self.height_m:.2f} m along it"
+    def text(self) -> str:
+        """Direction up, its source, and the height of the floor, for people."""
+        up = f"direction up by {self.source}: {self.up_text}"
+        return f"{up}; the floor at {self.height_m:.2f} m along it"
 
     @property
     def T_floor_world(self) -> np.ndarray:

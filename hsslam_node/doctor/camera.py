@@ -41,7 +41,9 @@ def check_intrinsics(camera: Camera) -> Finding:
         )
         return _INTRINSICS.fault(view_deg, seen, advice)
     if off > _NOTE_CENTRE or aspect > _NOTE_ASPECT:
-        advice = "right for an image that was cropped or stretched; otherwise calibrate again"
+        advice = (
+            "correct if the image was cropped or stretched; otherwise calibrate the camera again"
+        )
         return _INTRINSICS.note(view_deg, seen, advice)
     return _INTRINSICS.ok(view_deg, seen)
 

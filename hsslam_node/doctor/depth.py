@@ -61,10 +61,11 @@ def check_depth_range(depths_raw: Sequence[np.ndarray], units_per_m: float) -> F
     )
     value = float(median_m)
     if value < _FAULT_BELOW_M or value > _FAULT_ABOVE_M:
-        how = "small: too many" if value < _FAULT_BELOW_M else "large: too few"
+        how = "small: the depth scale" if value < _FAULT_BELOW_M else "large: the depth scale"
+        wrong = "large" if value < _FAULT_BELOW_M else "small"
         advice = (
-            f"depths look too {how} units per metre ({units_per_m:g}) are assumed: correct the depth scale "
-            "(common: 1000 for mm, 5000 in TUM, 6553.5 in Replica)"
+            f"depth looks too {how} of {units_per_m:g} units per metre is probably too {wrong} (common: 1000 "
+            "for mm, 5000 in TUM, 6553.5 in Replica)"
         )
         return _DEPTH_RANGE.fault(value, seen, advice)
     if value < _NOTE_BELOW_M or value > _NOTE_ABOVE_M:

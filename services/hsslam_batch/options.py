@@ -59,7 +59,7 @@ class WorkOptions:
     retries: int = 0
     """Attempts allowed after the first; the next attempt resumes a failed fetch."""
     timeout_s: float | None = None
-    """Most time for fetch and run of the log together, s (none: no limit)."""
+    """Time limit for download and run of the log together, s (none: no limit)."""
     memory_gb: float | None = None
     """Most memory of all processes of the run together, GB (none: no limit)."""
     scratch: Path | None = None
@@ -136,9 +136,9 @@ class RunOptions:
     memory_gb: float = 4.0
     """Memory for each log, GB; a run that uses more is stopped."""
     timeout_s: float | None = None
-    """Most time for fetch and run of a log together, s (none: no limit)."""
+    """Time limit for download and run of a log together, s (none: no limit)."""
     retries: int = 2
-    """Most attempts at a log after the first."""
+    """Largest number of attempts at a log after the first."""
     scratch: Path | None = None
     """Folder for fetched logs on each node (none: .work in the batch)."""
     fetch_gb: float = 100.0

@@ -72,7 +72,7 @@ def ask(
                 return _answer(request, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
             assert reply.err is not None
             _raise_refusal(request, reply.err, wait_s)
-    refused = f", or this certificate may not ask for {request.name}" if security else ""
+    refused = f", or this certificate does not allow the request {request.name}" if security else ""
     raise NoServiceError(f"no service: no run of robot {robot!r} at {endpoint}{refused}")
 
 

@@ -154,7 +154,8 @@ class Realtime:
             self._worker.count("gaps")
             waited_s = self._longest_wait_ns / 1e9
             self._report(
-                frame, f"a gap of {wait_ns / 1e9:.1f} s in the stamps: waits {waited_s:g} s"
+                frame,
+                f"the stamps have a gap of {wait_ns / 1e9:.1f} s: the camera process waits {waited_s:g} s",
             )
         elif wait_ns < (0 if is_back else -_LARGEST_LAG_NS):
             self._progress.pinned_ns -= wait_ns
@@ -162,7 +163,8 @@ class Realtime:
                 self._worker.count("clock_shifts")
                 if self._worker.counters["clock_shifts"] == 1:
                     self._report(
-                        frame, "the source is slower than its sensor: its clock is set back"
+                        frame,
+                        "the source delivers frames too slowly: the clock of its sensor is set back",
                     )
         self._last_due_ns = self._progress.due_ns(frame.stamp_ns, self._scale)
         return self._last_due_ns
@@ -171,8 +173,8 @@ class Realtime:
         """Monotonic time of a frame with the stamp of the one before, ns: one period later."""
         self._worker.count("repeated stamps")
         if self._worker.counters["repeated stamps"] == 1:
-            apart = f"such frames come {1e-6 * self._period_ns:.0f} ms apart"
-            self._report(frame, f"its stamp is that of the previous one: {apart}")
+            apart = f"such frames are sent {1e-6 * self._period_ns:.0f} ms apart"
+            self._report(frame, f"its stamp is that of the frame before: {apart}")
         self._last_due_ns += self._period_ns
         return self._last_due_ns
 

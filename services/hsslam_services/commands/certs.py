@@ -123,7 +123,7 @@ def _certs(options: CertsOptions) -> None:
     hosts = make_certificates(folder, options.host, options.days, options.ca)
     table = Table("folder", "for")
     if options.ca is None:
-        table.add_row(f"{folder}/ca", "no machine: keep it safe for the next certificates (--ca)")
+        table.add_row(f"{folder}/ca", "copy it to no machine: --ca needs it for more certificates")
     table.add_row(f"{folder}/{ROUTER}", "hsslam-serve --security")
     for role in ROLES:
         table.add_row(f"{folder}/{role.name}", role.purpose)

@@ -40,6 +40,7 @@ from hsslam_services.bus.ask import (
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.commands.point_table import print_answers
+from hsslam_services.governor.levels import LEVELS
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
@@ -80,9 +81,13 @@ def _rows(status: Status) -> list[tuple[str, str]]:
             f"version {status.map_version}, {status.keyframes} keyframes, "
             f"{status.ba_rounds} rounds of bundle adjustment{resets}",
         ),
+        (
+            "load",
+            f"level {status.load_level}: {LEVELS[min(status.load_level, len(LEVELS) - 1)].in_words}",
+        ),
         ("memory", f"{status.memory_mb} MB"),
         ("requests", f"{status.requests}, {status.requests_refused} refused"),
-        ("messages", f"{status.messages_rejected} could not be read"),
+        ("messages", f"{status.messages_rejected} rejected"),
         ("processes", processes),
         ("restarts", restarts or "none"),
     ]

@@ -243,7 +243,7 @@ class Child:
         elif seconds > limit_s and not self._has_reported_wait:
             self._has_reported_wait = True
             self.news.append(
-                f"{spec.name} {what} {limit_s:g} s: it waits for a core, as others use them"
+                f"{spec.name} {what} {limit_s:g} s: it waits for a core, as other programs use them all"
             )
 
     def _kill(self, why: str, now: float) -> None:

@@ -122,7 +122,7 @@ class _DistancesLoop:
         if floor is self._reported:
             return
         self._reported = floor
-        text = f"grid: up is {floor.up_text} by {floor.source}, {floor.height_text}"
+        text = f"grid: {floor.text}"
         self._worker.event("info", text)
 
 

@@ -173,7 +173,10 @@ class Recorder:
             lost = f"{lost_bytes} bytes and {refused} messages were not written"
             self._report("error", f"{self._log.path}: disk full, {lost}")
         if missed := sum(s.dropped for s in self._subscriptions if s.topic is topics.FRAME):
-            self._report("warning", f"{self._log.path}: lacks {missed} frames, which came too fast")
+            self._report(
+                "warning",
+                f"{self._log.path}: {missed} frames are not recorded: the recorder was too slow",
+            )
         return {
             **self.counters(),
             "complete": lost_bytes == refused == 0,

@@ -57,7 +57,7 @@ def _run(worker: Worker) -> None:
     inlet = FrameInlet(frames, order, worker.run.camera_arena)
     warm = warm_start(worker.options.slam)
     if not warm.is_inherited:
-        text = f"the tracker loaded the kernels itself, in {warm.took_s:.1f} s: the fork server had none"
+        text = f"slow start: the tracker loaded the kernels itself, in {warm.took_s:.1f} s"
         worker.event("info", text)
     worker.ready()
     while not worker.should_stop():

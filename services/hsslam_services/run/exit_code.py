@@ -21,7 +21,7 @@ MEANINGS: Mapping[ExitCode, str] = MappingProxyType(
         ExitCode.CUT_SHORT: "a second signal ended the run at once, or the supervisor crashed",
         ExitCode.BAD_INPUT: "the input is bad, found before the first map",
         ExitCode.FAILED: "a failure ended the run, everything is saved",
-        ExitCode.NOT_SAVED: "something is not saved; the last lines say what, and what helps",
+        ExitCode.NOT_SAVED: "a result is not saved; the last lines name it and the remedy",
     }
 )
 

@@ -117,7 +117,7 @@ class ServeOptions:
     maps: str = "maps"
     """Folder of saved maps, NAME.safetensors each."""
     map: str = ""
-    """Map to continue in: a NAME in --maps, a file or a run folder (empty: none)."""
+    """Saved map to load: a NAME in --maps, a file or a run folder (empty: none)."""
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S
@@ -215,7 +215,7 @@ class ServeOptions:
         if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
         if self.localise_only and not self.map:
-            raise UserError("--localise-only: expected with --map NAME")
+            raise UserError("--localise-only: expected --map NAME too")
         if not (math.isfinite(self.new_map_after_s) and self.new_map_after_s >= 0):
             raise UserError(
                 f"--new-map-after-s {self.new_map_after_s:g}: expected seconds, or 0 for never"

@@ -124,7 +124,7 @@ class OrderlyEnd:
         """Run the evaluator; if it fails, `hsslam-eval` can evaluate the saved results later."""
         self.not_evaluated = self._step("evaluation", EVALUATOR) or ""
         if self.not_evaluated:
-            again = f"hsslam-eval {self.run.path} does it again"
+            again = f"repeat it with hsslam-eval {self.run.path}"
             self.report(f"not evaluated: {self.not_evaluated}; {again}")
 
     def _step(self, what: str, module: str, patience: int = 1) -> str | None:
@@ -154,7 +154,7 @@ class OrderlyEnd:
             why = "the disk was full, and some messages are lost"
         else:
             return
-        helps = f"; hsslam-log recover {self.run.path} makes what is there readable"
+        helps = f"; run hsslam-log recover {self.run.path} to make the written part readable"
         self.miss("log", why + helps if parts(self.run.path) else why)
 
     def _pose_version(self) -> int:

@@ -86,7 +86,8 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
         skipped = [
-            (f"{path}: skipped: of another user, or a link", "info") for path in foreign_arenas()
+            (f"{path}: ignored: it belongs to another user, or is a link", "info")
+            for path in foreign_arenas()
         ]
         repeated = [(text, "warning") for text in _repeated_effects(options)]
         router = router._replace(notices=(*router.notices, *skipped, *repeated))

@@ -87,7 +87,9 @@ class TrackingEvents:
         if result.status == "lost":
             self._worker.event("warning", f"lost at {frame}")
         elif result.status == "dead_reckoned":
-            self._worker.event("warning", f"by odometry alone from {frame} on")
+            self._worker.event(
+                "warning", f"{frame} cannot be aligned: from it on, poses come from odometry alone"
+            )
         elif before in ("lost", "dead_reckoned"):
             self._worker.event("info", f"tracking again at {frame}")
 
@@ -96,7 +98,10 @@ class TrackingEvents:
         store = self._link.store()
         refused = store.refused if store is not None else 0
         if refused and not self._worker.counters.get("keyframes without room", 0):
-            self._worker.event("warning", "no room for a keyframe: tracking goes on without it")
+            self._worker.event(
+                "warning",
+                "no memory for a new keyframe (--memory-gb): tracking continues without it",
+            )
         if refused:
             self._worker.counters["keyframes without room"] = refused
 
@@ -129,8 +134,9 @@ class TrackingEvents:
             self._warn_of("rotation", text)
         if result.implausible_gravity:
             text = (
-                f"the IMU gives no direction up: its gravity is {result.implausible_gravity:.2f} m/s^2: "
-                "expected about 9.81, with gravity, in m/s^2"
+                "gravity of the IMU is not used: its mean acceleration is "
+                f"{result.implausible_gravity:.2f} m/s^2: expected about 9.81; check its unit, and that its "
+                "driver does not remove gravity"
             )
             self._warn_of("gravity", text)
         store = self._link.store()
@@ -139,7 +145,7 @@ class TrackingEvents:
             self._knows_up = True
             up = " ".join(f"{part + 0.0:.3f}" for part in gravity.up)
             doubt = f"standard deviation {math.degrees(gravity.sigma_rad):.2f} degrees"
-            self._worker.event("info", f"up is {up} by gravity, {doubt}")
+            self._worker.event("info", f"direction up by the IMU: {up}, {doubt}")
 
     def _warn_of(self, fault: str, text: str) -> None:
         if fault not in self._warned:

@@ -86,7 +86,7 @@ def test_a_gap_of_an_hour_is_waited_for_a_second(paced):
     assert took_s < 10
     assert len(found) == 4
     assert len(told) == 1
-    assert "frame 2: a gap of 359" in told[0]
+    assert "frame 2: the stamps have a gap of 359" in told[0]
     assert "waits 1 s" in told[0]
     assert [frame.source_stamp_ns for frame in found][2] == 3600 * 10**9
 
@@ -99,7 +99,9 @@ def test_frames_with_the_same_stamp_come_a_period_apart(paced, step_s):
     sent_s = 1e-9 * np.array([message.stamp_ns for message in found])
     np.testing.assert_allclose(np.diff(sent_s), [0.5, *[1 / 30] * 5, 0.5 - 5 / 30], atol=0.02)
     assert seconds >= 1.0
-    assert told == ["frame 2: its stamp is that of the previous one: such frames come 33 ms apart"]
+    assert told == [
+        "frame 2: its stamp is that of the frame before: such frames are sent 33 ms apart"
+    ]
 
 
 def test_stamps_that_step_back_are_told_and_the_clock_goes_on(paced):

@@ -166,7 +166,7 @@ def test_frozen_process_is_replaced(watch):
 def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     start, until = watch
     child = start("starved", health_timeout_s=1.0)
-    told = "sample_worker sends no heartbeat for 1 s: it waits for a core, as others use them"
+    told = "sample_worker sends no heartbeat for 1 s: it waits for a core, as other programs use them all"
     until(lambda: told in child.news, timeout_s=30)
     pid, silent = child.pid, child.health
     until(lambda: child.health is not silent and child.state == "running", timeout_s=30)

@@ -59,7 +59,7 @@ def test_a_run_says_what_is_free_and_how_far_surfaces_are(serve):
     run.signal(signal.SIGINT)
     assert run.finish() == 0, run.stderr
     assert run.summary()["processes"]["distances"]["restarts"] == 1
-    assert "grid: up is " in run.stderr and "by floor plane" in run.stderr
+    assert "grid: direction up by floor plane: " in run.stderr
     logged = [entry.message() for entry in bus_messages([run.out / "run.mcap"], {topics.GRID.name})]
     assert before in logged
 

@@ -42,7 +42,9 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
     assert f"map_loader: localises in {saved}" in second.stderr
     assert "the map is as it was loaded: not saved again" in second.stderr
     assert "saving the map" not in second.stderr
-    assert "grid: up is 0.000 -1.000 0.000 by --base-T-camera" in second.stderr  # as in the map
+    assert (
+        "grid: direction up by --base-T-camera: 0.000 -1.000 0.000" in second.stderr
+    )  # as in the map
     summary = second.summary()
     assert summary["frames"]["tracked"] == 12 and summary["frames"]["lost"] == 0
     assert summary["map"]["versions"] == summary["ba_rounds"] == 0

@@ -18,7 +18,6 @@ from hsslam_services.commands.maps.whole_space import (
     expect_space,
     floor_and_space,
     map_file,
-    told_up,
 )
 
 
@@ -76,5 +75,5 @@ def write_distances(options: EsdfOptions) -> None:
     write_esdf(options.out, distances, floor)
     shape = " x ".join(map(str, distances.grid.shape))
     free, occupied = (np.count_nonzero(distances.states == state) for state in (FREE, OCCUPIED))
-    print(told_up(floor))
+    print(floor.text)
     print(f"{options.out}: {shape} voxels of {options.voxel:g} m, {free} free, {occupied} occupied")

@@ -17,7 +17,6 @@ from hsslam_services.commands.maps.whole_space import (
     expect_space,
     floor_and_space,
     map_file,
-    told_up,
 )
 
 
@@ -85,7 +84,7 @@ def write_grid(options: GridOptions) -> None:
         for name, value in (("free", CELL_FREE), ("occupied", CELL_OCCUPIED))
     }
     cells = ", ".join(f"{count} {name}" for name, count in counts.items())
-    print(told_up(floor))
+    print(floor.text)
     print(
         f"{options.out}, {picture.name}: {width} x {height} cells of {options.voxel:g} m, {cells}"
     )

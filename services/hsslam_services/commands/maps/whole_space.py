@@ -94,8 +94,3 @@ def floor_and_space(
         raise UserError(f"--voxel {voxel_m:g}: {error}") from None
     except NoDepthError as error:
         raise UserError(f"--far-m {far_m:g}: {error}") from None
-
-
-def told_up(floor: FloorPlane) -> str:
-    """A line with the direction up, its source, and the height of the floor."""
-    return f"up is {floor.up_text} by its {floor.source}, {floor.height_text}"

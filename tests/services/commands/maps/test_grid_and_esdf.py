@@ -48,7 +48,10 @@ def test_up_is_against_gravity_if_the_map_knows_it(run_folder, tmp_path, capsys)
     save_checkpoint(tmp_path / "known.safetensors", known)
     out = str(tmp_path / "map.yaml")
     assert main(["grid", str(tmp_path / "known.safetensors"), "-o", out]) == 0
-    assert f"up is {x:.3f} {y:.3f} {z:.3f} by its gravity, the floor at " in capsys.readouterr().out
+    assert (
+        f"direction up by gravity: {x:.3f} {y:.3f} {z:.3f}; the floor at "
+        in capsys.readouterr().out
+    )
 
 
 def test_a_name_that_yaml_cannot_hold_is_refused_in_one_line(run_folder, tmp_path, capsys):
@@ -78,7 +81,7 @@ def test_the_grid_of_a_robot_is_that_of_its_run_and_in_the_frame_of_ros(
     save_checkpoint(path, replace(load_checkpoint(run_folder / path.name), T_level_world=kept))
     given = () if is_kept else ("--base-T-camera", *map(str, options.base_T_camera))
     assert main(["grid", str(path), "-o", str(out), *given]) == 0
-    assert "by its --base-T-camera, the floor at " in capsys.readouterr().out
+    assert "direction up by --base-T-camera: " in capsys.readouterr().out
     room.store.world_frame.note_level(options.T_level_world)
     window = RollingWindow(room.store)
     for frame, T in zip(room_frames()[::4], room_poses()[::4], strict=True):
@@ -101,7 +104,7 @@ def test_the_grid_is_free_where_distances_say_so(run_folder, tmp_path, capsys):
     heights = ["--from-height-m", "0.3", "--to-height-m", "1.2"]
     assert main(["grid", str(run_folder), "-o", str(yaml), "--up", *up, *heights]) == 0
     told, line = capsys.readouterr().out.splitlines()
-    assert told.startswith("up is ") and "by its --up, the floor at " in told
+    assert told.startswith("direction up by --up: ") and "; the floor at " in told
     assert line.startswith(f"{yaml}, map.pgm: ")
     assert main(["esdf", str(run_folder), "-o", str(esdf), "--up", *up, *heights]) == 0
     distances, floor = read_esdf(esdf)

@@ -77,7 +77,7 @@ def test_options_that_belong_together_may_come_from_two_places(tmp_path: Path):
     path = tmp_path / "a.toml"
     path.write_text("localise_only = true\n")
     assert parse_command_line(["--config", str(path), "--map", "m"]).localise_only
-    with pytest.raises(UserError, match=r"a\.toml: --localise-only: expected with --map NAME"):
+    with pytest.raises(UserError, match=r"a\.toml: --localise-only: expected --map NAME too"):
         parse_command_line(["--config", str(path)])
 
 
