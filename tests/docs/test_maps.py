@@ -63,7 +63,9 @@ def test_a_map_is_asked_in_python(capsys):
 def test_a_map_is_written_for_robots(capsys):
     told = _run(_ROBOTS, capsys)
     printed = [
-        line for line in _ROBOTS.splitlines() if re.match(r"direction up|map\.yaml, |esdf\.npz: ", line)
+        line
+        for line in _ROBOTS.splitlines()
+        if re.match(r"direction up|map\.yaml, |esdf\.npz: ", line)
     ]
     assert len(told) == len(printed) == 4
     for ours, theirs in zip(told, printed, strict=True):  # the same words with other numbers
