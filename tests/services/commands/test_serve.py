@@ -23,6 +23,7 @@ from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import ONE_REQUEST_S
+from tests.repository import ROOT
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
@@ -88,6 +89,8 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert run.stderr.count("the map is computed by") == 1
     assert summary["device"]["name"] in run.stderr and summary["device"]["reason"] in run.stderr
     assert summary["model_bytes"]
+    documented = (ROOT / "docs/runs.md").read_text().partition("## Fields of summary.json")[2]
+    assert [name for name in summary if f"`{name}`" not in documented.partition("\n## ")[0]] == []
     assert summary["memory"]["peak_pss_mb"] > summary["memory"]["peak_pss_mb_of"]["mapper"] > 0
     ended = [summary["processes"][spec.name] for spec in _PROCESSES]
     assert all((each["restarts"], each["exit_code"]) == (0, 0) for each in ended)
