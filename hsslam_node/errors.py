@@ -17,7 +17,7 @@ class OutOfMemoryError(UserError):
     """A run needs more memory than there is; unlike other bad input, it cannot be skipped."""
 
 
-def one_line(error: Exception) -> str:
+def one_line(error: BaseException) -> str:
     """Type and text of another package's error, on one line for users, at most 300 characters of it."""
     text = on_one_line(str(error))
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

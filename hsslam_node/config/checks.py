@@ -2,13 +2,17 @@
 
 from hsslam_node.errors import UserError
 
+_LARGEST = 1e9  # of any value: more overflows somewhere, long after the start
+
 
 def expect_positive(config: object, group: str, *names: str) -> None:
-    """Check that each of these fields is above 0."""
+    """Check that each of these fields is above 0, and not absurdly large."""
     for name in names:
         value = getattr(config, name)
-        if not value > 0:
-            raise UserError(f"{group}.{name} = {value}: expected a number above 0")
+        if not 0 < value <= _LARGEST:
+            raise UserError(
+                f"{group}.{name} = {value}: expected a number above 0, at most {_LARGEST:g}"
+            )
 
 
 def expect_in_range(config: object, group: str, name: str, low: float, high: float) -> None:
@@ -26,8 +30,8 @@ def expect_one_of(config: object, group: str, name: str, *known: int | str) -> N
 
 
 def expect_not_negative(config: object, group: str, *names: str) -> None:
-    """Check that each of these fields is 0 or more."""
+    """Check that each of these fields is 0 or more, and not absurdly large."""
     for name in names:
         value = getattr(config, name)
-        if not value >= 0:
-            raise UserError(f"{group}.{name} = {value}: expected 0 or more")
+        if not 0 <= value <= _LARGEST:
+            raise UserError(f"{group}.{name} = {value}: expected 0 or more, at most {_LARGEST:g}")

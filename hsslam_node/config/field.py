@@ -5,7 +5,6 @@ from typing import Literal
 
 from hsslam_node.config.checks import (
     expect_in_range,
-    expect_not_negative,
     expect_one_of,
     expect_positive,
 )
@@ -50,7 +49,7 @@ class FieldConfig:
             self, "field", "coarse_cell_m", "geometry_fine_cell_m", "appearance_fine_cell_m"
         )
         expect_positive(self, "field", "hash_base_resolution", "hash_finest_cell_m")
-        expect_not_negative(self, "field", "hash_levels")
+        expect_in_range(self, "field", "hash_levels", 0, 32)
         expect_positive(self, "field", "truncation_m", "beta_init")
         expect_in_range(self, "field", "hash_table_log2", 8, 24)
         expect_one_of(self, "field", "plane_channels", 0, 16, 32, 64)

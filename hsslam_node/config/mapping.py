@@ -12,6 +12,7 @@ from hsslam_node.config.checks import (
 )
 from hsslam_node.errors import UserError
 
+MOST_RAYS = 1_000_000  # of an iteration; all their samples are in memory at once
 SMALLEST_PATCH = 16  # rays along a side of a patch: fewer show no structure
 
 
@@ -114,9 +115,8 @@ class MapperConfig:
     """Spacing of the vertices of the smoothness cube, m."""
 
     def __post_init__(self) -> None:
-        expect_positive(
-            self, "mapper", "rays", "first_rate_factor", "window_keyframes", "max_depth_m"
-        )
+        expect_in_range(self, "mapper", "rays", 1, MOST_RAYS)
+        expect_positive(self, "mapper", "first_rate_factor", "window_keyframes", "max_depth_m")
         expect_positive(
             self, "mapper", "plane_rate", "hash_rate", "decoder_rate", "smoothness_every"
         )
@@ -173,6 +173,8 @@ class BundleAdjustmentConfig:
     def __post_init__(self) -> None:
         expect_one_of(self, "ba", "method", "joint", "graph")
         expect_one_of(self, "ba", "selection", "active", "uniform")
-        expect_positive(self, "ba", "loss_threshold", "top_keyframes", "iterations", "rays")
-        expect_positive(self, "ba", "every_keyframes", "probe_rays", "probe_keyframes")
+        expect_positive(self, "ba", "loss_threshold", "top_keyframes", "iterations")
+        expect_in_range(self, "ba", "rays", 1, MOST_RAYS)
+        expect_in_range(self, "ba", "probe_rays", 1, MOST_RAYS)
+        expect_positive(self, "ba", "every_keyframes", "probe_keyframes")
         expect_not_negative(self, "ba", "pose_rate", "cooldown_rounds")

@@ -3,8 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from hsslam_node.config.checks import expect_not_negative, expect_positive
+from hsslam_node.config.checks import expect_in_range, expect_not_negative
 from hsslam_node.errors import UserError
+
+VOXEL_RANGE_M = (0.001, 1.0)  # of a mesh
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class MesherConfig:
     """Time between live meshes, s; 0 turns them off."""
 
     def __post_init__(self) -> None:
-        expect_positive(self, "mesher", "voxel_m", "final_voxel_m")
+        expect_in_range(self, "mesher", "voxel_m", *VOXEL_RANGE_M)
+        expect_in_range(self, "mesher", "final_voxel_m", *VOXEL_RANGE_M)
         expect_not_negative(self, "mesher", "every_s")
 
 
@@ -58,7 +61,9 @@ class BoundConfig:
                 f"bound.first_camera = {self.first_camera}: expected the rows of a rigid 3x4 matrix, and "
                 "bound.box"
             )
-        expect_positive(self, "bound", "margin", "least_m", "growth_m", "farthest_m")
+        expect_in_range(self, "bound", "margin", 1.0, 100.0)
+        for name in ("least_m", "most_m", "growth_m", "farthest_m"):
+            expect_in_range(self, "bound", name, 0.01, 1000.0)
         if not self.most_m >= self.least_m:
             raise UserError(
                 f"bound.most_m = {self.most_m}: expected at least bound.least_m = {self.least_m}"

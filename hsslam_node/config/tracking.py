@@ -9,8 +9,8 @@ from hsslam_node.config.checks import (
     expect_one_of,
     expect_positive,
 )
-from hsslam_node.errors import UserError
 
+_MOST_POINTS = 10_000_000
 FEWEST_POINTS = 100  # depth points of a frame that is aligned, or that begins a map
 NEW_MAP_AFTER_S = 3.0  # time in the lost state after which runs begin a fragment by default
 
@@ -104,8 +104,7 @@ class TrackerConfig:
 
     def __post_init__(self) -> None:
         expect_one_of(self, "tracker", "method", "alignment", "rendering")
-        if not self.points >= FEWEST_POINTS:
-            raise UserError(f"tracker.points = {self.points}: expected {FEWEST_POINTS} or more")
+        expect_in_range(self, "tracker", "points", FEWEST_POINTS, _MOST_POINTS)
         expect_positive(self, "tracker", "max_depth_m", "iterations", "stop_step")
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")

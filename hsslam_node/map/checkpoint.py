@@ -164,7 +164,9 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             keyframe_gaps=tensors.get("keyframes/gaps"),
             T_level_world=_level_frame(metadata),
         )
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}: expected a map to read") from None
+    except (SafetensorError, ValueError, KeyError, TypeError, RecursionError) as error:
         text = " ".join(str(error).split())
         raise UserError(f"{path}: damaged map: {text or type(error).__name__}") from None
 

@@ -26,8 +26,7 @@ class BlockGrid:
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:
         if not (isinstance(voxel_m, int | float | np.number) and 0 < voxel_m < np.inf):
             raise UserError(f"mesh.voxel_m = {voxel_m!r}: expected metres above 0")
-        least_m = float(np.cbrt(np.prod(bound.extent_m) / _MOST_CELLS))
-        if voxel_m < least_m:
+        if voxel_m < (least_m := least_voxel_m(bound)):
             raise UserError(
                 f"mesh.voxel_m = {voxel_m}: expected at least {least_m:.2g} m in a map of this size"
             )
@@ -43,3 +42,8 @@ class BlockGrid:
         """World positions [N, 3] float32 m of vertices [N, 3] of a block; fractions allowed."""
         grid = np.multiply(block, self.block_cells) + vertices
         return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
+
+
+def least_voxel_m(bound: Bound) -> float:
+    """The smallest voxel size with at most 2^40 cells in a bound, m."""
+    return float(np.cbrt(np.prod(bound.extent_m) / _MOST_CELLS))

@@ -6,6 +6,9 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 
+_MOST_SAMPLES = 4096
+_LONGEST_REACH = 1000.0
+
 
 @dataclass(frozen=True)
 class SamplingPattern:
@@ -21,14 +24,16 @@ class SamplingPattern:
     """Half width of the surface samples, times the truncation distance."""
 
     def __post_init__(self) -> None:
-        if self.free_samples < 0 or self.surface_samples < 0 or self.count == 0:
-            raise UserError(
-                f"sampling: {self.free_samples} free and {self.surface_samples} surface samples: "
-                "expected at least one in all, none negative"
-            )
+        for name in ("free_samples", "surface_samples"):
+            if not 0 <= (value := getattr(self, name)) <= _MOST_SAMPLES:
+                raise UserError(f"sampling.{name} = {value}: expected 0 to {_MOST_SAMPLES}")
+        if self.count == 0:
+            raise UserError("sampling.surface_samples = 0: expected 1 or more without free samples")
         for name in ("free_reach", "surface_reach"):
-            if not getattr(self, name) > 0:
-                raise UserError(f"sampling.{name} = {getattr(self, name)}: expected above 0")
+            if not 0 < (value := getattr(self, name)) <= _LONGEST_REACH:
+                raise UserError(
+                    f"sampling.{name} = {value}: expected above 0, at most {_LONGEST_REACH:g}"
+                )
 
     @property
     def count(self) -> int:

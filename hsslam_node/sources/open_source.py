@@ -73,7 +73,7 @@ def _plain_source(
         return source
     except UserError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not row.package:
             raise
         raise UserError(

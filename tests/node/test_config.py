@@ -98,7 +98,7 @@ def _with(group: str, name: str, value: float) -> SlamConfig:
 
 
 @pytest.mark.parametrize(("group", "name"), _fields(ABOVE_ZERO))
-@pytest.mark.parametrize("value", [0, -1, math.nan])
+@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, 10**20])
 def test_what_must_be_above_zero(group, name, value):
     with pytest.raises(UserError, match=rf"^{group}\.{name} = {value}: expected .*\S") as error:
         _with(group, name, value)
@@ -108,8 +108,8 @@ def test_what_must_be_above_zero(group, name, value):
 @pytest.mark.parametrize(("group", "name"), _fields(ZERO_OR_MORE))
 def test_what_must_not_be_negative(group, name):
     _with(group, name, 0)
-    for value in (-1, math.nan):
-        with pytest.raises(UserError, match=rf"^{group}\.{name} = {value}: expected 0 or more"):
+    for value in (-1, math.nan, math.inf, 10**20):
+        with pytest.raises(UserError, match=rf"^{group}\.{name} = .*: expected 0 (or more|to)"):
             _with(group, name, value)
 
 
@@ -128,7 +128,7 @@ def test_a_field_needs_planes_or_hash_grid():
 
 @pytest.mark.parametrize("samples", [(0, 0), (-1, 4), (4, -1)])
 def test_a_ray_needs_samples(samples):
-    with pytest.raises(UserError, match=r"^sampling: "):
+    with pytest.raises(UserError, match=r"^sampling\."):
         replace(SlamConfig().sampling, free_samples=samples[0], surface_samples=samples[1])
 
 
@@ -167,7 +167,7 @@ def test_every_number_is_tested_here():
 
 
 def test_a_bad_value_on_the_command_line_is_told_the_same_way():
-    with pytest.raises(UserError, match=r"mapper\.rays = 0: expected a number above 0"):
+    with pytest.raises(UserError, match=r"mapper\.rays = 0: expected 1 to 1000000"):
         parse_command_line(["--slam.mapper.rays", "0"])
     with pytest.raises(UserError, match=r"did you mean --slam\.mapper\.rays"):
         parse_command_line(["--slam.mapper.ray", "5"])

@@ -46,6 +46,12 @@ def _run(worker: Worker) -> None:
         from hsslam_node.warm_start import warm_start
 
         assert warm_start(worker.options.slam).is_inherited
+    if behaviour == "exit 0":
+        os._exit(0)
+    if behaviour == "too large":
+        group = Path((worker.run.path / "control_group").read_text())
+        group.write_text(str(os.getpid()))
+        _ = bytearray(1_000_000_000)
     (worker.run.path / "at_work").touch()
     if behaviour == "starved":
         _starve(seconds=6.0)

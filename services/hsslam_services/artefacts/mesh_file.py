@@ -18,6 +18,7 @@ from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.meshing.block_grid import least_voxel_m
 
 _TELL_EVERY_S = 5.0
 
@@ -58,7 +59,12 @@ def mesh_of_arena(
     counted = replace(keyframes, depth_m=depth_m)
     layout, far_m = parameters.layout, slam.mapper.max_depth_m
     dense_map = DenseMap(layout, params, counted, slam.sampling, device, max_depth_m=far_m)
-    return dense_map.mesh(slam.mesher.final_voxel_m)
+    voxel_m, least_m = slam.mesher.final_voxel_m, least_voxel_m(layout.bound)
+    if voxel_m < least_m:
+        report(
+            f"--slam.mesher.final-voxel-m {voxel_m:g}: this map is too large: {least_m:.2g} m is used"
+        )
+    return dense_map.mesh(max(voxel_m, least_m))
 
 
 def save_mesh(run_dir: Path, mesh: trimesh.Trimesh) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import pwd
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -60,13 +61,35 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
 def _places(given: Path) -> tuple[Path, Path]:
     """The arena folder and the run folder."""
     if given.parent != SHM_ROOT:
-        return Path(RunInfo.read(given).arena_dir), given
+        arena_dir = Path(RunInfo.read(given).arena_dir)
+        _expect_own(arena_dir)
+        return arena_dir, given
+    _expect_own(given)
     unsaved = read_unsaved(given)
     try:
         run_dir = unsaved.run_dir if unsaved else run_dir_of(given)
     except OSError:
         raise UserError(f"{given}: not an arena: expected a run folder") from None
     return given, _not_of_another_run(run_dir, RunInfo.read(given).run_id)
+
+
+def _expect_own(arena_dir: Path) -> None:
+    """Raise UserError if the arena belongs to another user, who could not read what this one would save."""
+    with contextlib.suppress(FileNotFoundError):
+        owner = arena_dir.stat().st_uid
+        if owner != os.geteuid():
+            name = user_name(owner)
+            raise UserError(
+                f"{arena_dir}: belongs to user {name}: expected the command to run as {name}"
+            )
+
+
+def user_name(uid: int) -> str:
+    """The name of a user, or the number if it has none."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)
 
 
 def _not_of_another_run(run_dir: Path, run_id: str) -> Path:

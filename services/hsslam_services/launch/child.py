@@ -23,6 +23,7 @@ from hsslam_services.launch.spawn import (
     not_started,
     spawn,
 )
+from hsslam_services.run.memory import oom_kills
 from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.stop_signals import END_SIGNAL
 
@@ -33,6 +34,7 @@ _OWN_PAUSE_S = 2.0  # a longer one between ticks: the whole run was frozen, as b
 _PATIENCE_S = 10.0  # after such a pause, before a process counts as hung
 _KILL_TIMEOUT_S = 10.0  # for the kernel: a process may hang in a driver
 _QUIET_SHARE = 0.3  # of a time limit, after which the supervisor looks at the threads of a process
+_LAST_MESSAGE_S = 2.0  # from the exit of a process until its last message is here
 _MOST_STARVED = 8.0  # times a time limit that a process may take if it waits for a core
 
 
@@ -42,6 +44,7 @@ class Child:
     `wanted`: whether the process should run; `tick` starts or stops it. State "ended": it exited as it
     should; "failed": it is not started again, after a crash loop or bad input (`user_error`).
     `may_pass()`: whether the run works, so that a lack of memory or of the router may pass.
+    `has_source_ended()`: whether a process that may finish has sent its last frame.
     """
 
     def __init__(
@@ -50,6 +53,7 @@ class Child:
         run_dir: Path,
         spawn: Spawn = spawn,
         may_pass: Callable[[], bool] = lambda: False,
+        has_source_ended: Callable[[], bool] = lambda: True,
     ) -> None:
         self.spec = spec
         self.wanted = False
@@ -63,6 +67,11 @@ class Child:
         self._run_dir = run_dir
         self._spawn = spawn
         self._may_pass = may_pass
+        self._has_source_ended = has_source_ended
+        self._finished_s: float | None = (
+            None  # it exited with code 0; its last message may still come
+        )
+        self._oom_kills = 0  # of the system when it was started
         self._policy = RestartPolicy(spec.first_delay_s, spec.longest_delay_s)
         self._process: Process | None = None
         self._start_at_s = 0.0
@@ -128,7 +137,9 @@ class Child:
             if self._is_overdue(now - self._killed_s, _KILL_TIMEOUT_S, now):
                 self._abandon()
             return
-        if self.wanted and self._process is None and self.state == "waiting":
+        if self._finished_s is not None:
+            self._confirm_end(self._finished_s, now)
+        elif self.wanted and self._process is None and self.state == "waiting":
             if now >= self._start_at_s:
                 self._start(now)
         elif self._process is not None and self.wanted:
@@ -161,6 +172,7 @@ class Child:
         self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
         self._core_wait, self._has_reported_wait = None, False
         self._worked_since_s = None
+        self._oom_kills = oom_kills()
         try:
             free_pools(process_number(self.spec.name), most_pool_bytes())
             clear_result(self._run_dir, self.spec.name)
@@ -180,18 +192,29 @@ class Child:
         is_user_error = code == _USER_ERROR
         error = last_error(self._run_dir, self.spec.module) if is_user_error else ""
         how = f"ended: {error}" if is_user_error else how_it_ended(code)
+        if code == -signal.SIGKILL and not self._killed_s and oom_kills() > self._oom_kills:
+            how += ", out of memory (in a container: --memory)"
         if not self.wanted:
             self.state = "ended"
             if code not in _ORDERLY and not self._killed_s:
                 self.news.append(f"{self.spec.name} {how} while it ended")
         elif code == 0 and self.spec.may_finish:
-            self.state = "ended"
+            self._finished_s = now
+            self._confirm_end(now, now)
         elif not is_user_error or self._may_come_back():
             self._failed(how, now)
         else:
             self.state = "failed"
         if is_user_error and self.state == "failed":
             self.user_error = error
+
+    def _confirm_end(self, finished_s: float, now: float) -> None:
+        """Count exit code 0 as the end once the source has ended; a driver may have ended the process."""
+        if not self.wanted or self._has_source_ended():
+            self._finished_s, self.state = None, "ended"
+        elif now - finished_s > _LAST_MESSAGE_S:
+            self._finished_s = None
+            self._failed("exited with code 0 before the end of its source", now)
 
     def _may_come_back(self) -> bool:
         """Whether the cause of a user error may pass: a lack of memory or of the router, no bad input."""

@@ -25,7 +25,7 @@ from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.arrival_order import in_order_of_arrival
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parts import part_number, parts
-from hsslam_services.log.recovery import recover
+from hsslam_services.log.recovery import Recovered, recover
 from hsslam_services.log.whole_records import MAGIC, TORN
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
@@ -170,11 +170,21 @@ def make_readable(path: Path, say: Say) -> bool:
         expect_closed(path)
         if is_finished(path):
             return False
-        recovered = recover(path)
+        recovered = _recovered(path)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
     say(f"{path}: {recovered.line()}")
     return True
+
+
+def _recovered(path: Path) -> Recovered:
+    try:
+        return recover(path)
+    except PermissionError:
+        raise UserError(
+            f"{path}: its end is missing, and this user may not complete it: expected a file and a folder "
+            "to write, such as a copy"
+        ) from None
 
 
 def _is_named_as_log(path: Path) -> bool:

@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -30,6 +31,16 @@ def return_free_memory() -> None:
     """Return the free pages that the C library keeps to the system; takes some milliseconds."""
     if _TRIM is not None:
         _TRIM(0)
+
+
+def oom_kills(vmstat: Path = Path("/proc/vmstat")) -> int:
+    """How many processes the kernel has killed for lack of memory since boot; 0 if it does not say."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in vmstat.read_text().splitlines():
+            name, _, value = line.partition(" ")
+            if name == "oom_kill":
+                return int(value)
+    return 0
 
 
 class OwnMemory:

@@ -212,8 +212,8 @@ class ServeOptions:
             expect_range("zenoh-port", self.zenoh_port, 1, 65535)
         if self.metrics_port is not None:
             expect_range("metrics-port", self.metrics_port, 1, 65535)
-        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
+        if self.rate_hz is not None:
+            expect_range("rate-hz", self.rate_hz, 0.01, 10_000)
         if self.localise_only and not self.map:
             raise UserError("--localise-only: expected --map NAME too")
         if not (math.isfinite(self.new_map_after_s) and self.new_map_after_s >= 0):

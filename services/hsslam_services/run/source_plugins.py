@@ -29,7 +29,7 @@ def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
     package = point.dist.name if point.dist else point.module
     try:
         row = point.load()
-    except Exception as error:  # foreign code may raise anything
+    except (Exception, SystemExit) as error:  # foreign code may raise anything
         return _broken(point, package, one_line(error))
     if not isinstance(row, SourceRow):
         return _broken(point, package, f"{point.value} is {type(row).__name__}: expected SourceRow")

@@ -69,12 +69,17 @@ class RunLoop:
         self._replaced = prepared.replaced
         self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
-            spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
+            spec.name: Child(
+                spec, self._info.path, fork_client.spawn, self._has_poses, self._has_source_ended
+            )
             for spec in processes_of(self._info.options)
         }
 
     def _has_poses(self) -> bool:
         return self._listener.state.tracked > 1
+
+    def _has_source_ended(self) -> bool:
+        return self._listener.state.source_end is not None
 
     def to_the_end(self) -> ExitCode:
         """Run, stop in order, save; returns the exit code.

@@ -38,7 +38,7 @@ def test_twice_is_of_the_preset():
         ({"mapper": 5}, r"mapper: expected a parameter"),
         ({"mapper.rays": "many"}, r"mapper\.rays = many: expected a whole number, as 4000"),
         ({"ba.enabled": "perhaps"}, r"ba\.enabled = perhaps: expected true or false"),
-        ({"mapper.rays": 0}, r"mapper\.rays = 0: expected a number above 0"),
+        ({"mapper.rays": 0}, r"mapper\.rays = 0: expected 1 to 1000000"),
         ({"field.plane_channels": 24}, r"field\.plane_channels = 24: expected"),
     ],
 )

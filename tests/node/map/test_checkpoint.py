@@ -1,6 +1,9 @@
 import json
+import os
 import struct
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,6 +106,24 @@ def test_truncated_file_is_told(saved, kept, text):
     saved.write_bytes(saved.read_bytes()[:kept])
     with pytest.raises(UserError, match=text):
         load_checkpoint(saved)
+
+
+def test_a_map_that_this_user_may_not_read_is_not_called_damaged(checkpoint):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map.safetensors"
+        save_checkpoint(path, checkpoint)
+        path.chmod(0)
+        Path(folder).chmod(0o755)
+        me = os.geteuid()
+        if me == 0:
+            os.seteuid(65534)
+        try:
+            with pytest.raises(
+                UserError, match=r"safetensors: Permission denied: expected a map to read"
+            ):
+                load_checkpoint(path)
+        finally:
+            os.seteuid(me)
 
 
 def test_garbage_is_told(saved):

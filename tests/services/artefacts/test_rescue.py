@@ -1,8 +1,13 @@
-"""A rescue in the process that calls it: what it says of an arena that holds nothing."""
+"""A rescue in the process that calls it: of an arena that holds nothing, and of one of another user."""
 
+import os
 from pathlib import Path
 
+import pytest
+
+from hsslam_node.errors import UserError
 from hsslam_services.artefacts.rescue import rescue
+from hsslam_services.commands.rescue import rescue_command
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
 
@@ -15,3 +20,15 @@ def test_nothing_is_called_saved_if_there_is_nothing(run_info: RunInfo, tmp_path
     assert read_summary(tmp_path)["rescued"] == []
     assert not list(tmp_path.glob("*.txt"))
     assert RunInfo.read(tmp_path) == run_info
+
+
+def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_saved(
+    run_info: RunInfo,
+):
+    if os.geteuid() != 0:
+        pytest.skip("only root may give a folder to another user")
+    os.chown(run_info.arena_dir, 65534, -1)
+    with pytest.raises(
+        UserError, match=r"belongs to user (nobody|65534): expected the command to run as"
+    ):
+        rescue_command([str(run_info.path)])

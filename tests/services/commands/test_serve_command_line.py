@@ -68,7 +68,7 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--viewer-memory-gb nan", "--viewer-memory-gb nan: expected GB, 0.1 or more"),
         ("--robot a/b", "--robot 'a/b': expected letters"),
         ("--zenoh-port 99999", "--zenoh-port 99999: expected 1 to 65535"),
-        ("--rate-hz nan", "--rate-hz nan: expected a number above 0"),
+        ("--rate-hz nan", "--rate-hz nan: expected 0.01 to 10000"),
         ("--frames 0", "--frames 0: expected 1 or more"),
         ("--cover-at 5", "--cover-at 5: expected with --cover-frames"),
         ("--hold-at 5", "--hold-at 5: expected with --hold-frames"),

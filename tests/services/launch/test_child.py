@@ -37,11 +37,16 @@ def watch(run_info: RunInfo):
     children: list[Child] = []
 
     def start(
-        behaviour: str, *, may_pass: bool = False, by: Spawn = spawn, **fields: float
+        behaviour: str,
+        *,
+        may_pass: bool = False,
+        has_source_ended: Callable[[], bool] = lambda: True,
+        by: Spawn = spawn,
+        **fields: float,
     ) -> Child:
         (run_info.path / "behaviour").write_text(behaviour)
         spec = dataclasses.replace(_SPEC, **fields)
-        child = Child(spec, run_info.path, by, may_pass=lambda: may_pass)
+        child = Child(spec, run_info.path, by, lambda: may_pass, has_source_ended)
         child.wanted = True
         children.append(child)
         return child
@@ -171,6 +176,46 @@ def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     pid, silent = child.pid, child.health
     until(lambda: child.health is not silent and child.state == "running", timeout_s=30)
     assert (child.pid, child.restarts, child.news) == (pid, 0, [told])
+
+
+@pytest.mark.parametrize("has_ended", [True, False])
+def test_exit_code_0_is_the_end_only_if_the_source_has_ended(watch, run_info: RunInfo, has_ended):
+    """A driver may end the process of a camera."""
+    start, until = watch
+    child = start("exit 0", may_finish=True, has_source_ended=lambda: has_ended)
+    until(lambda: child.state == "ended" if has_ended else child.restarts)
+    assert child.restarts == (0 if has_ended else 1)
+    if not has_ended:
+        assert "exited with code 0 before the end of its source: restart in" in child.news[0]
+        (run_info.path / "behaviour").write_text("obedient")
+        until(lambda: child.state == "running")
+
+
+def test_a_process_that_the_kernel_kills_for_lack_of_memory_is_said_to(watch, run_info: RunInfo):
+    start, until = watch
+    group = Path("/sys/fs/cgroup/memory") / f"hsslam-test-{os.getpid()}"
+    try:
+        group.mkdir()
+    except OSError:
+        pytest.skip("this machine does not allow memory control groups (version 1)")
+    try:
+        (group / "memory.limit_in_bytes").write_text("300M")
+        (run_info.path / "control_group").write_text(str(group / "cgroup.procs"))
+        child = start("too large")
+        until(lambda: child.news, timeout_s=30.0)
+        assert "was killed by SIGKILL, out of memory (in a container: --memory)" in child.news[0]
+        (run_info.path / "behaviour").write_text("obedient")
+        until(lambda: child.state == "running")
+        child.kill()
+    finally:
+        _remove_group(group)
+
+
+def _remove_group(group: Path) -> None:
+    deadline_s = time.monotonic() + 10
+    while (group / "cgroup.procs").read_text() and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    group.rmdir()
 
 
 def test_one_that_a_slow_fork_server_does_not_start_is_started_without_it(watch, run_info: RunInfo):

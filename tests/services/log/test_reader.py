@@ -4,6 +4,7 @@ import errno
 import fcntl
 import os
 import re
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -74,6 +75,22 @@ def test_a_log_of_another_user_is_one_line(tmp_path, capsys):
     tmp_path.chmod(0o700)
     assert main(["info", "x" * 300]) == 2
     assert "File name too long" in capsys.readouterr().err
+
+
+def test_an_unfinished_log_that_this_user_may_only_read_is_said_to_lack_its_end():
+    with tempfile.TemporaryDirectory() as folder:  # others may enter it
+        path = _log(Path(folder), 4)
+        path.write_bytes(path.read_bytes()[:-40])
+        path.chmod(0o444)
+        Path(folder).chmod(0o555)
+        with (
+            _without_rights_of_root(),
+            pytest.raises(
+                UserError, match=r"its end is missing, and this user may not complete it"
+            ),
+        ):
+            log_parts(path, print)
+        Path(folder).chmod(0o755)
 
 
 def test_a_log_that_is_being_written_is_left_alone(tmp_path):

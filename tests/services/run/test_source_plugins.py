@@ -29,6 +29,7 @@ FALLS = row("falls", "plugin_rows_of_test:fall", looks_like=cannot_look)
 NO_DRIVER = row("driverless", "plugin_driver_that_is_not_there:Source")
 TUM = row("tum", "hsslam_node.sources.record:RecordSource")
 EXAMPLES = SourceRow("examples", ("other:FOLDER",), "frames", "frames", "a:b")
+LEAVES = row("leaves", "plugin_rows_of_test:leave")
 NAMELESS = row("nameless", "plugin_rows_of_test:Nameless")
 STILL = row("still", "plugin_rows_of_test:Still")
 
@@ -42,6 +43,9 @@ class Still(Nameless):
 
 def fall(name, options):
     raise RuntimeError("camera\\non fire")
+
+def leave(name, options):
+    raise SystemExit(0)
 """
 )
 _POINTS = {
@@ -54,6 +58,7 @@ _POINTS = {
     "function": "plugin_rows_of_test:row",
     "gone": "plugin_rows_of_test:GONE",
     "unwritten": "plugin_that_is_not_there:ROW",
+    "leaves": "plugin_rows_of_test:LEAVES",
     "nameless": "plugin_rows_of_test:NAMELESS",
     "still": "plugin_rows_of_test:STILL",
 }
@@ -84,6 +89,7 @@ def test_a_source_of_another_package_is_one_as_our_own(rows, tmp_path):
     ("kind", "reason"),
     [
         ("falls", "RuntimeError: camera on fire"),
+        ("leaves", "SystemExit: 0"),
         ("driverless", "ModuleNotFoundError: No module named 'plugin_driver_that_is_not_there'"),
         ("examples", "examples ('other:FOLDER',): expected sources of kind examples"),
         ("renamed", "plugin_rows_of_test:GOOD has kind 'good': expected 'renamed'"),

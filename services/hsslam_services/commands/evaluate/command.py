@@ -75,7 +75,7 @@ def _evaluate(options: EvalOptions) -> None:
     written: list[Path] = []
     if options.json is not None:
         written.append(_write_json(options.json, figures))
-    folder = options.plots or _own_folder(options.run)
+    folder = options.plots or _writable_folder(options.run)
     if folder is not None:
         from hsslam_node.evaluation.plots import draw_plots  # matplotlib is slow to import
 
@@ -118,9 +118,17 @@ def _given_poses(path: Path, source: RecordedSource) -> Trajectory:
     return found if truth is None else at_true_stamps(found, truth.trajectory)
 
 
-def _own_folder(run: str) -> Path | None:
-    """Default folder of the plots of a run; None for a log."""
-    return Path(run) / "evaluation" if run and not is_log(run) else None
+def _writable_folder(run: str) -> Path | None:
+    """Default folder of the plots of a run; None for a log, or with a warning if it cannot be written."""
+    if not run or is_log(run):
+        return None
+    folder = Path(run) / "evaluation"
+    try:
+        _expect_writable("--plots", folder)
+    except UserError as error:
+        _echo(f"no plots: {str(error).removeprefix('--plots ')}, or --plots FOLDER")
+        return None
+    return folder
 
 
 def _echo(text: str) -> None:

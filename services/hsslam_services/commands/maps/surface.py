@@ -1,12 +1,12 @@
 """The mesh of a saved map, and an output file for it; `hsslam-mesh` and `hsslam-map export` share it."""
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from trimesh import Trimesh
 
+from hsslam_node.config.meshing import VOXEL_RANGE_M
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
@@ -15,8 +15,9 @@ from hsslam_services.commands.cli import terminal_progress
 
 def expect_voxel(voxel_m: float) -> None:
     """Raise UserError unless `--voxel` is in the range for marching cubes."""
-    if not (math.isfinite(voxel_m) and 0.001 <= voxel_m <= 1):
-        raise UserError(f"--voxel {voxel_m}: expected 0.001 to 1 m")
+    low_m, high_m = VOXEL_RANGE_M
+    if not low_m <= voxel_m <= high_m:
+        raise UserError(f"--voxel {voxel_m}: expected {low_m:g} to {high_m:g} m")
 
 
 def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
