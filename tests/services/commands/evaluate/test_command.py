@@ -17,7 +17,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.pose_codec import wire_pose
-from hsslam_services.commands.evaluate.command import main
+from hsslam_services.commands.evaluate.command import _writable_folder, main
 from hsslam_services.commands.evaluate.table import eval_table
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
@@ -159,6 +159,14 @@ def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):
     (tmp_path / "run.json").write_text("of a run that was killed")
     main([str(tmp_path), "--depth-views", "0", "--no-consistency"])
     assert "no trajectory.txt" in capsys.readouterr().err
+
+
+def test_a_run_folder_that_cannot_be_written_costs_only_the_plots(tmp_path, capsys):
+    (tmp_path / "evaluation").write_text("no folder")
+    assert _writable_folder(str(tmp_path)) is None
+    told = capsys.readouterr().err
+    assert told.startswith(f"no plots: {tmp_path}/evaluation: File exists: expected a folder")
+    assert told.endswith(", or --plots FOLDER\n")
 
 
 def test_the_field_alone_and_views_are_two_lines_of_one_table():
