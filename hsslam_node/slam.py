@@ -149,7 +149,7 @@ class Slam:
 
     @property
     def map(self) -> DenseMap:
-        """The map now; its answers do not change while more frames are processed.
+        """A snapshot of the map; later frames do not change its answers.
 
         This reads the depth of new keyframes, 40 ms each. If keyframes are retired later, the mesh of this
         map lacks the surfaces that only they saw.

@@ -42,7 +42,7 @@ class GrowingMap:
         return self._newest[1]
 
     def held(self, store: KeyframeStore | None, parameters: FieldParameters | None) -> DenseMap:
-        """The map now; its answers do not change while more is mapped.
+        """A snapshot of the map; later frames do not change its answers.
 
         Raises:
             UserError: there is no map yet.

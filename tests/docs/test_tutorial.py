@@ -21,6 +21,7 @@ from tests.repository import ROOT
 
 TUTORIAL = ROOT / "docs/tutorial.md"
 FRAMES = 24
+_INTRINSICS = {"525": "131.25", "319.5": "79.5", "239.5": "59.5"}  # at 640x480, and of the small frames
 
 
 def record(folder: Path) -> None:
@@ -43,6 +44,9 @@ def test_the_tutorial(tmp_path):
     assert len(blocks) == 5
     port = free_endpoint().rpartition(":")[2]  # somebody may be on the default one
     script = "".join(blocks).replace("hsslam-serve ", f"hsslam-serve --zenoh-port {port} ")
+    for at_full_size, here in _INTRINSICS.items():
+        assert at_full_size in script
+        script = script.replace(at_full_size, here)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
