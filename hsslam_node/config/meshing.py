@@ -61,7 +61,7 @@ class BoundConfig:
                 f"bound.first_camera = {self.first_camera}: expected the rows of a rigid 3x4 matrix, and "
                 "bound.box"
             )
-        expect_in_range(self, "bound", "margin", 1.0, 100.0)
+        expect_in_range(self, "bound", "margin", 0.1, 100.0)
         for name in ("least_m", "most_m", "growth_m", "farthest_m"):
             expect_in_range(self, "bound", name, 0.01, 1000.0)
         if not self.most_m >= self.least_m:
