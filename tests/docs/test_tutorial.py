@@ -21,7 +21,8 @@ from tests.repository import ROOT
 
 TUTORIAL = ROOT / "docs/tutorial.md"
 FRAMES = 24
-_INTRINSICS = {"525": "131.25", "319.5": "79.5", "239.5": "59.5"}  # at 640x480, and of the small frames
+# at 640x480, and of the small frames
+_INTRINSICS = {"525": "131.25", "319.5": "79.5", "239.5": "59.5"}
 
 
 def record(folder: Path) -> None:
