@@ -176,7 +176,7 @@ class Done(Message, frozen=True, kw_only=True):
 
 class Refusal(Message, frozen=True, kw_only=True):
     """Why the service refuses a request. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
-    `failed`: the service cannot do it; `unfinished`: a part is done, ask again for the rest."""
+    `failed`: the service cannot do it; `unfinished`: it takes longer, ask again."""
 
     reason: Literal[
         "unknown",

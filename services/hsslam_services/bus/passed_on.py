@@ -1,6 +1,7 @@
 """Requests that the gateway passes on to another process of the run, on keys closed to clients."""
 
 import contextlib
+import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -70,12 +71,14 @@ class PassedOnAnswers(Generic[Q, A]):
 
 def pass_on(session: zenoh.Session, robot: str, request: Request[Q, A], message: Q) -> A | Refusal:
     """Ask the process that answers this request; gives up 1 s before `request.takes_s`, so that the client
-    still gets a refusal."""
+    still gets a refusal: `unfinished`, as a busy process answers later, or `not_now`, if it does not run."""
+    patience_s = request.takes_s - _SOONER_S
+    asked_s = time.monotonic()
     replies = session.get(
         _key(request, robot),
         payload=encode(request.asked, message),
         encoding=zenoh.Encoding(encoding_of(request.asked)),
-        timeout=request.takes_s - _SOONER_S,
+        timeout=patience_s,
     )
     for reply in replies:
         if reply.ok is not None:
@@ -87,7 +90,9 @@ def pass_on(session: zenoh.Session, robot: str, request: Request[Q, A], message:
             refusal = decode(REFUSAL, reply.err.payload.to_bytes(), str(reply.err.encoding))
             if not isinstance(refusal, Rejected):
                 return refusal
+    if time.monotonic() - asked_s < patience_s:
+        text = f"{request.name}: the process that answers it is not running: ask again later"
+        return Refusal(reason="not_now", text=text)
     return Refusal(
-        reason="not_now",
-        text=f"{request.name}: the process that answers it is busy or not running: ask again",
+        reason="unfinished", text=f"{request.name}: the process that answers it is busy: ask again"
     )

@@ -1,5 +1,6 @@
 """Questions of places from a client by way of the gateway to the process that has the map, and back."""
 
+import dataclasses
 import re
 import threading
 from collections.abc import Iterator
@@ -74,10 +75,22 @@ def test_the_answer_comes_from_the_process_that_has_the_map(gateway):
 
 
 def test_without_that_process_it_is_refused_at_once(gateway):
-    with pytest.raises(
-        RefusedError, match="query: the process that answers it is busy or not running"
-    ):
+    with pytest.raises(RefusedError, match="query: the process that answers it is not running"):
         _ask(gateway, POINTS)
+
+
+def test_while_that_process_is_busy_the_client_is_told_to_ask_again(gateway):
+    is_over = threading.Event()
+    with Bus(gateway, "r", "mesher") as mesher, Bus(gateway, "r", "asking") as asking:
+        mesher.answer(QUERY, lambda _: is_over.wait() or _answer(_))
+        quick = dataclasses.replace(QUERY, takes_s=1.5)
+        while (refusal := asking.pass_on(quick, question_message(POINTS))).reason == "not_now":
+            pass  # the router knows the mesher a moment later
+        is_over.set()
+    assert (refusal.reason, refusal.text) == (
+        "unfinished",
+        "query: the process that answers it is busy: ask again",
+    )
 
 
 def _client_of_the_document(endpoint: str) -> str:

@@ -43,7 +43,10 @@ def test_certificates_health_and_numbers_of_a_run(serve, tmp_path: Path):
     assert _metric(port, 'hsslam_process_restarts_total{process="tracker"}') == 1
 
     refused = ask("stop", "viewer")
-    assert refused.returncode == 1 and "this certificate may not ask for stop" in refused.stderr
+    assert (
+        refused.returncode == 1
+        and "this certificate does not allow the request stop" in refused.stderr
+    )
     assert "tracked" in ask("status", "viewer").stdout
     done = ask("stop", "operator")
     assert (done.returncode, done.stdout) == (0, "stopping\n"), done.stderr
