@@ -27,7 +27,7 @@ _LOOK_S = 1.0
 _MEMORY_EVERY_S = 2.0  # the kernel walks all pages to measure PSS
 _GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
 _BETWEEN_SIGNALS_S = 0.3
-_KILLING_S = 60.0
+_KILLING_S = 60.0  # until descendants that do not die are left
 
 Why = Literal["", "timeout", "memory", "cancelled"]
 

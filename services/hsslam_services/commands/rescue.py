@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import pwd
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -77,19 +76,13 @@ def _expect_own(arena_dir: Path) -> None:
     """Raise UserError if the arena belongs to another user, who could not read what this one would save."""
     with contextlib.suppress(FileNotFoundError):
         owner = arena_dir.stat().st_uid
-        if owner != os.geteuid():
-            name = user_name(owner)
-            raise UserError(
-                f"{arena_dir}: belongs to user {name}: expected the command to run as {name}"
-            )
-
-
-def user_name(uid: int) -> str:
-    """The name of a user, or the number if it has none."""
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return str(uid)
+        if owner == os.geteuid():
+            return
+        with contextlib.suppress(KeyError):  # the user has no name
+            owner = arena_dir.owner()
+        raise UserError(
+            f"{arena_dir}: belongs to user {owner}: expected the command to run as {owner}"
+        )
 
 
 def _not_of_another_run(run_dir: Path, run_id: str) -> Path:

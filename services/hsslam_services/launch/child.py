@@ -68,9 +68,8 @@ class Child:
         self._spawn = spawn
         self._may_pass = may_pass
         self._has_source_ended = has_source_ended
-        self._finished_s: float | None = (
-            None  # it exited with code 0; its last message may still come
-        )
+        # when it exited with code 0, while its last message may still come
+        self._finished_s: float | None = None
         self._oom_kills = 0  # of the system when it was started
         self._policy = RestartPolicy(spec.first_delay_s, spec.longest_delay_s)
         self._process: Process | None = None
@@ -138,7 +137,7 @@ class Child:
                 self._abandon()
             return
         if self._finished_s is not None:
-            self._confirm_end(self._finished_s, now)
+            self._confirm_end(now - self._finished_s, now)
         elif self.wanted and self._process is None and self.state == "waiting":
             if now >= self._start_at_s:
                 self._start(now)
@@ -200,7 +199,7 @@ class Child:
                 self.news.append(f"{self.spec.name} {how} while it ended")
         elif code == 0 and self.spec.may_finish:
             self._finished_s = now
-            self._confirm_end(now, now)
+            self._confirm_end(0.0, now)
         elif not is_user_error or self._may_come_back():
             self._failed(how, now)
         else:
@@ -208,11 +207,11 @@ class Child:
         if is_user_error and self.state == "failed":
             self.user_error = error
 
-    def _confirm_end(self, finished_s: float, now: float) -> None:
+    def _confirm_end(self, since_s: float, now: float) -> None:
         """Count exit code 0 as the end once the source has ended; a driver may have ended the process."""
         if not self.wanted or self._has_source_ended():
             self._finished_s, self.state = None, "ended"
-        elif now - finished_s > _LAST_MESSAGE_S:
+        elif since_s > _LAST_MESSAGE_S:
             self._finished_s = None
             self._failed("exited with code 0 before the end of its source", now)
 
