@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
-from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.dense_map.answers import MapAnswers, RayHits

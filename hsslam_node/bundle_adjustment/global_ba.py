@@ -4,6 +4,7 @@ from contextlib import nullcontext
 
 import numpy as np
 
+from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
 from hsslam_node.bundle_adjustment.report import (
     BaReport,
     Lease,
@@ -62,7 +63,7 @@ class LossTable:
         return float(np.mean(self._loss[keyframes]))
 
 
-class GlobalBundleAdjustment:
+class GlobalBundleAdjustment(BundleAdjustment):
     """Measures keyframes, refines the worst together with the map (paper III-C).
 
     If `batch_losses` is set, the losses that mapping iterations store count as well, and a round first
@@ -76,27 +77,14 @@ class GlobalBundleAdjustment:
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
     ) -> None:
+        super().__init__(config.ba.every_keyframes)
         self._config = config.ba
         rays = max(config.ba.rays, config.ba.probe_rays * config.ba.probe_keyframes)
         self._optimiser = open_map_optimiser(config, parameters, rays, device)
         self._table = LossTable(config.ba)
         self._seed = seed
         self._rounds = 0
-        self._keyframes_at_round = 1
         self._moments: dict[int, PoseAdam] = {}
-
-    def is_due(self, store: KeyframeStore) -> bool:
-        """Whether enough keyframes have come since the last round."""
-        return store.count - self._adjusted(store) >= self._config.every_keyframes
-
-    def is_behind(self, store: KeyframeStore) -> bool:
-        """Whether keyframes have come since the last round."""
-        return store.count > self._adjusted(store)
-
-    def has_joined(self, store: KeyframeStore) -> bool:
-        """Whether a fragment has joined the map since the last round."""
-        fragments = store.fragments()[self._adjusted(store) - 1 :]
-        return bool((fragments != fragments[:1]).any())
 
     def round(
         self,
@@ -109,7 +97,7 @@ class GlobalBundleAdjustment:
         the mapper never waits for a whole round. If `may_step()` returns False, the round ends and moves no
         pose. It calls `rest()` before each iteration."""
         self._rounds += 1
-        self._keyframes_at_round = store.count
+        self._used = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
         chosen = self._select(store, generator, lease, rest)
         if len(chosen) == 0:
@@ -140,10 +128,6 @@ class GlobalBundleAdjustment:
         self._table.rest(chosen)
         moved = free and bool((poses != poses_before).any())
         return BaReport(chosen, poses_before, poses, losses[0], losses[-1], moved)
-
-    def _adjusted(self, store: KeyframeStore) -> int:
-        """Number of keyframes at the last round, or in the saved map that the run began with."""
-        return max(self._keyframes_at_round, store.inherited)
 
     def _select(
         self, store: KeyframeStore, generator: np.random.Generator, lease: Lease, rest: Rest

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, difference
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
@@ -23,7 +24,7 @@ _ALIKE_EVERY = 4  # rounds between searches for keyframes that look alike, 80 ms
 _SURPRISE_M, _SURPRISE_RAD = 0.01, 0.005  # a loop that is off by more frees all poses
 
 
-class GraphBundleAdjustment:
+class GraphBundleAdjustment(BundleAdjustment):
     """Each round aligns new keyframes to recent ones and to old ones that see the same place, and solves for
     the poses. Then it refines the map at the keyframes that it renders worst (paper III-C).
 
@@ -34,6 +35,7 @@ class GraphBundleAdjustment:
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
     ) -> None:
+        super().__init__(config.ba.every_keyframes)
         map_only = replace(config, ba=replace(config.ba, pose_rate=0.0))
         self._map = GlobalBundleAdjustment(map_only, parameters, seed, device)
         self._slam = config
@@ -43,23 +45,13 @@ class GraphBundleAdjustment:
         self._loops: LoopSearch | None = None
         self._edges: list[PoseEdge] = []
         self._chain = TrackedChain(config.pose_graph)
-        self._seen = 1  # keyframes whose edges are in the graph
         self._left: list[int] = []  # new keyframes that are still to be aligned, newest first
         self._rounds = 0
         self._all_at_next = False
 
-    def is_due(self, store: KeyframeStore) -> bool:
-        """Whether enough keyframes have come since the last round."""
-        return store.count - self._adjusted(store) >= self._slam.ba.every_keyframes
-
     def is_behind(self, store: KeyframeStore) -> bool:
         """Whether there are keyframes that no round has aligned."""
-        return bool(self._left) or store.count > self._adjusted(store)
-
-    def has_joined(self, store: KeyframeStore) -> bool:
-        """Whether a fragment has joined the map since the last round."""
-        fragments = store.fragments()[self._adjusted(store) - 1 :]
-        return bool((fragments != fragments[:1]).any())
+        return bool(self._left) or super().is_behind(store)
 
     def round(
         self,
@@ -86,10 +78,6 @@ class GraphBundleAdjustment:
             loops=closed, known=len(poses),
         )  # fmt: skip
 
-    def _adjusted(self, store: KeyframeStore) -> int:
-        """Number of keyframes at the last round, or in the saved map that the run began with."""
-        return max(self._seen, store.inherited)
-
     def _measure(
         self, store: KeyframeStore, poses: np.ndarray, rest: Rest
     ) -> tuple[tuple[int, int], ...]:
@@ -101,14 +89,14 @@ class GraphBundleAdjustment:
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
         fragments = store.fragments()[:count]
-        for k in range(self._seen, count):
+        for k in range(self._used, count):
             T = inverse(poses[k - 1]) @ poses[k]
             self._edges += self._chain.add(k, T, store.gap_covariance(k))
         kept = self._drop_retired(store, count, poses)
         loops: list[PoseEdge] = []
-        due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]
+        due = [*range(count - 1, self._used - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
-        new = fragments[self._seen - 1 :]
+        new = fragments[self._used - 1 :]
         if (new != new[0]).any() and self._rounds:  # align all of a fragment that has just joined
             most = len(due)
             self._all_at_next = True
@@ -128,7 +116,7 @@ class GraphBundleAdjustment:
             loops += self._loops.alike(count - 1, rest)
         rest()
         self._rounds += 1
-        self._seen = count
+        self._used = count
         self._edges += loops
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
         return tuple((edge.first, edge.second) for edge in loops)

@@ -1,8 +1,8 @@
 """The bundle adjustment that a configuration asks for; a file of its own because it imports both kinds."""
 
+from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.graph_adjustment import GraphBundleAdjustment
-from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.map.parameters import FieldParameters

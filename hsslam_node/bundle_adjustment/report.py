@@ -1,13 +1,10 @@
-"""The report of a round of bundle adjustment, and the interface that both methods share."""
+"""The report of a round of bundle adjustment, and what its caller can give it."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-
-from hsslam_node.map.store import KeyframeStore
 
 Lease = Callable[[], AbstractContextManager[object]]
 MayStep = Callable[[], bool]
@@ -27,32 +24,6 @@ class BaReport:
     loops: tuple[tuple[int, int], ...] = ()  # closed loops: keyframe ids, the older first
     # number of keyframes in this round; later keyframes move with the last of these
     known: int | None = None
-
-
-class BundleAdjustment(Protocol):
-    """Refines keyframe poses, and the map with them; the caller writes the poses back."""
-
-    def is_due(self, store: KeyframeStore) -> bool:
-        """Whether enough keyframes have come since the last round."""
-        ...
-
-    def is_behind(self, store: KeyframeStore) -> bool:
-        """Whether there are keyframes that no round has used."""
-        ...
-
-    def has_joined(self, store: KeyframeStore) -> bool:
-        """Whether a fragment has joined the map since the last round."""
-        ...
-
-    def round(
-        self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ..., rest: Rest = ...
-    ) -> BaReport:
-        """Run one round. It holds `lease()` while it steps the map, for one iteration at a time.
-
-        It asks `may_step()` before each iteration. If the answer is False, the round ends and moves no pose.
-        It calls `rest()`, which may wait, between pieces of work and without the lease.
-        """
-        ...
 
 
 def always() -> bool:

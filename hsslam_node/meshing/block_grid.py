@@ -44,6 +44,16 @@ class BlockGrid:
         return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
 
 
+def edges_in_half_cells(vertices: np.ndarray, snap: float) -> np.ndarray:
+    """Position of each mesh vertex on the grid in half cells, odd along its grid edge, [V, 3] int64.
+
+    `vertices` [V, 3], cells. A vertex closer to a grid vertex than `snap` cells is that vertex.
+    """
+    nearest = np.rint(vertices)
+    is_on_grid = np.abs(vertices - nearest) < snap
+    return np.where(is_on_grid, 2 * nearest, 2 * np.floor(vertices) + 1).astype(np.int64)
+
+
 def least_voxel_m(bound: Bound) -> float:
     """The smallest voxel size with at most 2^40 cells in a bound, m."""
     return float(np.cbrt(np.prod(bound.extent_m) / _MOST_CELLS))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from hsslam_node.meshing.block_grid import BlockGrid
+from hsslam_node.meshing.block_grid import BlockGrid, edges_in_half_cells
 from hsslam_node.meshing.block_mesh import BlockMesh, components
 
 _SNAP_CELLS = 1e-3  # vertices this close to a grid vertex are that vertex
@@ -48,9 +48,7 @@ def kept_faces(
 
 def _edge_keys(mesh: BlockMesh, space: BlockGrid) -> np.ndarray:
     """Place of each vertex on the doubled grid, odd along its edge, as one number, [V] int64."""
-    nearest = np.rint(mesh.vertices)
-    on_grid = np.abs(mesh.vertices - nearest) < _SNAP_CELLS
-    doubled = np.where(on_grid, 2 * nearest, 2 * np.floor(mesh.vertices) + 1).astype(np.int64)
+    doubled = edges_in_half_cells(mesh.vertices, _SNAP_CELLS)
     doubled += 2 * np.multiply(mesh.block, space.block_cells)
     size = 2 * np.multiply(space.block_count, space.block_cells) + 1
     return (doubled[:, 0] * size[1] + doubled[:, 1]) * size[2] + doubled[:, 2]

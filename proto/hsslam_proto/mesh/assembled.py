@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsslam_node.meshing.block_grid import edges_in_half_cells
 from hsslam_proto.block_revisions import Block, BlockRevisions
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, block_triangles
 from hsslam_proto.mesh.messages import MeshBlocks
@@ -98,9 +99,9 @@ class AssembledMesh:
         faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
         vertices = np.concatenate([part.vertices for part in parts])
         colors = np.concatenate([part.colors for part in parts])
-        _, first, inverse = np.unique(
-            _edges(vertices, self._lattice.voxel_m), axis=0, return_index=True, return_inverse=True
-        )
+        cells = vertices.astype(np.float64) / self._lattice.voxel_m
+        edges = edges_in_half_cells(cells, _SNAP_CELLS)
+        _, first, inverse = np.unique(edges, axis=0, return_index=True, return_inverse=True)
         a, b, c = (faces := inverse.reshape(-1)[faces]).T
         faces = faces[(a != b) & (b != c) & (c != a)].astype(np.uint32)
         return Triangles(vertices[first], faces, colors[first])
@@ -110,11 +111,3 @@ def _news(revisions: BlockRevisions, message: MeshBlocks) -> dict[Block, Triangl
     """The new blocks of a message; None: the block has no surface any more."""
     blocks = block_triangles(message)
     return revisions.news(message.map_epoch, message.series, message.revision, blocks)
-
-
-def _edges(vertices: np.ndarray, voxel_m: float) -> np.ndarray:
-    """Position of each vertex on the lattice in half cells, odd along its edge, [V, 3] int64."""
-    cells = vertices.astype(np.float64) / voxel_m
-    nearest = np.rint(cells)
-    on_lattice = np.abs(cells - nearest) < _SNAP_CELLS
-    return np.where(on_lattice, 2 * nearest, 2 * np.floor(cells) + 1).astype(np.int64)

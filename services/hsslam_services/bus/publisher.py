@@ -33,6 +33,14 @@ def priority(topic: Topic) -> zenoh.Priority:
     return zenoh.Priority.DATA if topic.qos == "latest" else zenoh.Priority.DATA_LOW
 
 
+def has_subscribers(publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> bool:
+    """Whether a publisher has subscribers; always true if it keeps messages for late ones."""
+    if not isinstance(publisher, zenoh.Publisher):
+        return True
+    status = publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
+    return bool(getattr(status, "matching", status))
+
+
 class Publisher(Generic[M]):
     """Encodes and sends messages of one topic; created by `Bus.publisher`.
 
@@ -98,10 +106,7 @@ class Publisher(Generic[M]):
 
     def has_subscribers(self) -> bool:
         """Whether the topic has subscribers; always true for a topic with history."""
-        if not isinstance(self._publisher, zenoh.Publisher):
-            return True
-        status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
-        return bool(getattr(status, "matching", status))
+        return has_subscribers(self._publisher)
 
     def answer_with(self, state: Callable[[], Iterable[M]]) -> None:
         """Answer a `get` on the key of the topic with these messages; `state` runs in a thread of zenoh."""

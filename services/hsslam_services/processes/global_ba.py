@@ -9,8 +9,9 @@ import time
 from contextlib import nullcontext
 from functools import partial
 
+from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
-from hsslam_node.bundle_adjustment.report import BaReport, BundleAdjustment
+from hsslam_node.bundle_adjustment.report import BaReport
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
 from hsslam_proto.frame_order import FrameOrder

@@ -7,6 +7,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from hsslam_services.bus.publisher import has_subscribers
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.ros2.messages import Kind, RosMessages
 from hsslam_services.ros2.names import NodeName, Qos, TopicName, attachment, gid
@@ -121,10 +122,7 @@ class RosPublisher:
 
     def has_subscribers(self) -> bool:
         """Whether there is a subscriber; always true if messages are kept for late subscribers."""
-        if not isinstance(self._publisher, zenoh.Publisher):
-            return True
-        status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
-        return bool(getattr(status, "matching", status))
+        return has_subscribers(self._publisher)
 
     def put(self, message: Any) -> None:
         """Send a message of the topic's type."""
