@@ -10,6 +10,7 @@ from pathlib import Path
 
 import rerun as rr
 
+from hsslam_node.errors import on_one_line
 from hsslam_proto import messages
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message
@@ -51,7 +52,8 @@ class NextFile:
 class Drawing(threading.Thread):
     """Draws a queue of messages into one recording stream.
 
-    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once.
+    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once. A message that
+    cannot be drawn counts as dropped; `report` gets the first of them.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Drawing(threading.Thread):
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
+        self._is_refusal_reported = False
         self._drawn_s = math.inf  # nothing drawn yet
         self._report, self._watch = report, watch
         self.images_s = intervals.images_s
@@ -121,7 +124,7 @@ class Drawing(threading.Thread):
             if isinstance(message, NextFile):
                 self._begin_file(message.rrd)
             else:
-                self._scene.draw(message)
+                self._draw(message)
             self._drawn_s = time.monotonic()
             if self._drawn_s >= again_s:
                 self._scene.draw_again()
@@ -134,6 +137,16 @@ class Drawing(threading.Thread):
                 self._scene.finish()
                 self._stream.flush(timeout_sec=_FLUSH_S)
         self._stream.disconnect()
+
+    def _draw(self, message: Message) -> None:
+        try:
+            self._scene.draw(message)
+        except Exception as error:  # whatever rerun or a decoder raises: the other messages are still drawn
+            self.dropped += 1
+            if not self._is_refusal_reported:
+                self._is_refusal_reported = True
+                kind, why = type(message).__name__, on_one_line(str(error))
+                self._report("warning", f"rerun: a {kind} message is not drawn: {why}")
 
     def _has_waited_too_long(self) -> bool:
         """Whether the run ended some seconds ago: after a short run the viewer may still start."""

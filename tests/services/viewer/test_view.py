@@ -52,6 +52,20 @@ def test_the_file_has_the_whole_scene(tmp_path):
     assert rrd_rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
 
 
+def test_a_message_that_cannot_be_drawn_costs_no_other(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
+    for index in range(3):
+        broken = {"color_encoding": "png", "color": memoryview(b"no image")}
+        view.show(msgspec.structs.replace(frame(index), stamp_ns=10**9 * index, **broken))
+    view.show(pose(3))
+    view.close()
+    (event,) = events
+    assert event[0] == "warning"
+    assert event[1].startswith("rerun: a Frame message is not drawn: ")
+    assert rrd_rows(tmp_path / "run.rrd", "/world/camera") == 1
+
+
 def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     view.show(frame(0))
