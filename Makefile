@@ -16,7 +16,6 @@ BIN := $(VENV)/bin
 OUT ?= runs/room
 LOCKS := $(wildcard requirements/*.*)
 GENERATED := $(addprefix docs/,architecture.md cameras.md cli.md wire.md)  # the parts between [[[cog and [[[end]]]
-marked = $(shell grep --recursive --files-with-matches 'mark\.$1\b' tests --include 'test_*.py')  # pytest need not import the others
 UV_VERSION := 0.13.9
 UV := build/uv/bin/uv
 
@@ -35,9 +34,8 @@ warm-up: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
 
 test: warm-up
-	$(BIN)/pytest -m 'not e2e and not long and not alone' --numprocesses 4 --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder $(call marked,e2e)
-	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)
+	$(BIN)/pytest -m 'not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder
+	$(BIN)/pytest -m 'alone and not long' $(shell grep --recursive --files-with-matches 'mark\.alone\b' tests --include 'test_*.py')
 
 collect: $(VENV)/.installed-dev
 	@mkdir -p build

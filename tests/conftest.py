@@ -8,6 +8,7 @@ import pytest
 from hypothesis import settings
 
 from tests.folder_of_workers import share
+from tests.order_of_tests import in_order
 from tests.power_cut import Disk
 from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
 
@@ -16,6 +17,12 @@ os.environ["HSSLAM_TUM_URL"] = "http://127.0.0.1:9"  # no test fetches from else
 # Shared machines stall, and kernels compile at their first call: no time limit on one example.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if getattr(config.option, "loadgroup", False):
+        items[:] = in_order(items)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -141,7 +141,9 @@ class Drawing(threading.Thread):
     def _draw(self, message: Message) -> None:
         try:
             self._scene.draw(message)
-        except Exception as error:  # whatever rerun or a decoder raises: the other messages are still drawn
+        except (
+            Exception
+        ) as error:  # whatever rerun or a decoder raises: the other messages are still drawn
             self.dropped += 1
             if not self._is_refusal_reported:
                 self._is_refusal_reported = True

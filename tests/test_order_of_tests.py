@@ -1,0 +1,38 @@
+from itertools import pairwise
+
+from tests.order_of_tests import in_order
+
+pytest_plugins = ("pytester",)
+
+_FILE = """
+import pytest
+
+def test_small(): ...
+@pytest.mark.e2e
+def test_run(): ...
+def test_tiny(): ...
+"""
+
+
+def test_files_stay_whole_and_runs_lie_between_them(pytester):
+    names = "abcdefgh"
+    pytester.makepyfile(**{f"test_{name}": _FILE for name in names})
+    items, _ = pytester.inline_genitems()
+    ordered = in_order(list(items))
+    assert sorted(item.nodeid for item in ordered) == sorted(item.nodeid for item in items)
+    parts = [f"{item.path.stem[-1]}.{item.name.removeprefix('test_')}" for item in ordered]
+    for name in names:
+        assert parts.index(f"{name}.tiny") == parts.index(f"{name}.small") + 1
+    runs = [number for number, part in enumerate(parts) if part.endswith("run")]
+    assert parts[-2:] == ["h.small", "h.tiny"]  # no run comes last
+    assert max(b - a for a, b in pairwise(runs)) <= 3
+    for item in ordered:
+        groups = [mark.args[0] for mark in item.iter_markers("xdist_group")]
+        assert groups == ([] if item.name == "test_run" else [item.path.name])
+
+
+def test_runs_alone_keep_their_order(pytester):
+    pytester.makepyfile(test_a=_FILE, test_b=_FILE)
+    items, _ = pytester.inline_genitems()
+    runs = [item for item in items if item.name == "test_run"]
+    assert in_order(runs) == runs
