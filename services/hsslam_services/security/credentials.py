@@ -73,6 +73,16 @@ class Credentials:
         name = str(names[0].value) if names else ""
         return Credentials(path, name, CertificateValidity(path, begins, ends))
 
+    def exposure(self) -> str:
+        """The warning about a key that other users of this machine can read; empty if none can."""
+        mode = (self.folder / KEY_FILE).stat().st_mode & 0o777
+        if not mode & 0o077:
+            return ""
+        return (
+            f"--security {self.folder}: {KEY_FILE} has mode {mode:o}: other users may read the private key: "
+            "expected mode 600"
+        )
+
     def expect_router(self) -> None:
         """Raise UserError unless the certificate is the router's."""
         if self.name != ROUTER:

@@ -66,7 +66,10 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
         settings |= credentials.listening()
         outside = (f"tls/{options.outside_place}",)
         text = f"zenoh: {outside[0]}, for certificates of the CA of {credentials.folder}"
-        notices = ((text, "info"),)
+        notices = (
+            (text, "info"),
+            *((text, "warning") for text in [credentials.exposure()] if text),
+        )
     elif options.outside_place:
         outside = (f"tcp/{options.outside_place}",)
         warning = exposure(options.bind or "127.0.0.1")

@@ -1,5 +1,6 @@
 """Who is let in, and who may do what, with real sessions at a real router."""
 
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,6 +44,25 @@ def test_old_and_renewed_certificates_accept_each_other(secure_router, tmp_path)
             for certs in (old, renewed):
                 with Bus(outside, "r", "outside", str(certs / "operator")) as bus:
                     assert bus.is_connected()
+
+
+def test_a_key_that_other_users_may_read_gets_a_warning(certs, tmp_path):
+    folder = shutil.copytree(certs / "router", tmp_path / "router")
+    port = int(free_endpoint().rpartition(":")[2])
+    options = ServeOptions(zenoh_port=port, robot="r", security=str(folder))
+    warnings = {}
+    for mode in (0o600, 0o640):
+        (folder / "key.pem").chmod(mode)
+        (arena := tmp_path / f"{mode:o}").mkdir()
+        router = open_run_router(options, arena)
+        router.session.close()
+        warnings[mode] = [text for text, level in router.notices if level == "warning"]
+    assert warnings[0o600] == []
+    (text,) = warnings[0o640]
+    assert text == (
+        f"--security {folder}: key.pem has mode 640: other users may read the private key: "
+        "expected mode 600"
+    )
 
 
 def test_strangers_are_not_let_in(secure_router, other_certs):
