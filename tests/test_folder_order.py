@@ -114,6 +114,7 @@ def test_a_short_file_says_why_it_stands_alone():
     assert not [m for m in modules if not any(r in _first_line(m) for r in reasons)]
 
 
+@cache
 def _folder_path(module: str) -> str:
     """The folder of a module; a module that lies beside other folders counts as one itself."""
     path = MODULES[module]

@@ -96,6 +96,7 @@ class FragmentTracker:
         self._leave()
         result = self._map.track(frame, view, localise_only=localise_only)
         if localise_only or self._store.count == 0:
+            self._lost_ns = None
             return result
         return self._after(frame, result)
 

@@ -1,5 +1,6 @@
 """A camera that is lost and moves on: tracked beside the map, and joined to it where it has been before."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -107,6 +108,21 @@ def test_without_the_option_the_camera_stays_lost_until_it_is_found():
     results = [tracker.track(frame, None) for frame in _walk()[0][:80]]
     assert {r.fragment for r in results} == {0}
     assert results[-1].status == "lost"
+
+
+def test_a_loss_before_frames_that_only_localise_does_not_count():
+    tracker, _ = _opened(3.0)
+    frames, _ = _walk()
+    lost_at, again = _DARK.start + 5, _DARK.start + 25
+    for frame in frames[:lost_at]:
+        tracker.track(frame, None)
+    for frame in frames[lost_at:again]:
+        shown = replace(frames[_DARK.start - 1], index=frame.index, stamp_ns=frame.stamp_ns)
+        found = tracker.track(shown, None, localise_only=True)
+    assert found.status == "tracked"
+    results = ((frame.stamp_ns, tracker.track(frame, None)) for frame in frames[again:])
+    begun_ns = next(stamp_ns for stamp_ns, result in results if result.fragment == 1)
+    assert begun_ns - frames[again].stamp_ns >= 3e9
 
 
 def _until_it_is_copied() -> tuple[FrameTracker, KeyframeStore, int]:

@@ -69,8 +69,8 @@ def test_a_message_that_cannot_be_drawn_costs_no_other(tmp_path):
 def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     view.show(frame(0))
-    for k in range(32 * 70):
-        view.show(msgspec.structs.replace(keyframe(0), id=k))
+    for block in range(70):
+        view.show(msgspec.structs.replace(keyframe(0), id=32 * block))
     view.close()
     printed = rrd("print", "-vvv", tmp_path / "run.rrd")
     assert printed.count("Clear:is_recursive") >= 70 - 64
