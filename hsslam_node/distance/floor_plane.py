@@ -8,6 +8,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.view_from_above import mean_up
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.presets import REALTIME
@@ -23,9 +24,6 @@ _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
 _FEWEST = 300  # points of a floor
 _FLOOR_SHARE = 0.03  # of all points
 _BELOW_M = 0.15  # the cameras
-_FAR_M = (
-    REALTIME.mapper.max_depth_m
-)  # depth beyond is no floor: noise, or how a camera writes that it measured none
 
 
 @dataclass(frozen=True)
@@ -79,15 +77,17 @@ def floor_by(
     views: Sequence[tuple[np.ndarray, np.ndarray]],
     camera: Camera,
     T_level_world: np.ndarray | None = None,
+    max_depth_m: float = REALTIME.mapper.max_depth_m,
 ) -> FloorPlane:
     """The floor, with the axes of a frame whose z is up, [4, 4] (`level_frame`), if there is one, else with
     up against gravity if the map knows it; see `find_floor`."""
     if T_level_world is not None:
-        found = find_floor(views, camera, T_level_world[2, :3], "--base-T-camera")
+        up = T_level_world[2, :3]
+        found = find_floor(views, camera, up, "--base-T-camera", max_depth_m)
         return replace(found, T_level_world=T_level_world)
     if gravity is None:
-        return find_floor(views, camera)
-    return find_floor(views, camera, np.array(gravity.up), "gravity")
+        return find_floor(views, camera, max_depth_m=max_depth_m)
+    return find_floor(views, camera, np.array(gravity.up), "gravity", max_depth_m)
 
 
 def find_floor(
@@ -95,28 +95,35 @@ def find_floor(
     camera: Camera,
     up: np.ndarray | None = None,
     up_source: UpSource = "--up",
+    max_depth_m: float = REALTIME.mapper.max_depth_m,
 ) -> FloorPlane:
     """The floor of what cameras saw.
 
     Normals of the depth images that lie near the cameras' mean up agree on a direction. The floor is the
-    lowest height at which many such points lie; it is fitted by least squares. Without a floor, up is
-    the cameras' mean up, and the floor the lowest that was seen.
+    lowest height at which many such points lie; it is fitted by least squares. Without a floor, as with
+    depth too sparse for normals, up is the cameras' mean up, and the floor the lowest that was seen.
 
     Args:
         views: depth [H, W] float32 m and T_world_cam [4, 4] of each.
         camera: of all views, undistorted.
         up: direction against gravity [3], world, if it is known; then only the height is searched for.
         up_source: where that comes from.
+        max_depth_m: depth beyond is no floor: noise, or how a camera writes that it measured none.
 
     Raises:
         UserError: there is no view with depth, or `up` is no direction.
     """
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), _MOST_VIEWS)).astype(int))
-    parts = [_points_and_normals(views[n][0], views[n][1], camera) for n in chosen]
+    parts = [_points_and_normals(*views[n], camera, max_depth_m) for n in chosen]
     points = np.concatenate([p for p, _ in parts] or [np.empty((0, 3))])
     normals = np.concatenate([n for _, n in parts] or [np.empty((0, 3))])
     if len(points) == 0:
-        raise UserError("floor: no view has depth: expected some")
+        near = [np.where(views[n][0] < max_depth_m, views[n][0], 0) for n in chosen]
+        seen = [world_points(z, camera, views[n][1]) for z, n in zip(near, chosen, strict=True)]
+        points = np.concatenate([np.empty((0, 3)), *seen])
+        normals = np.zeros_like(points)
+    if len(points) == 0:
+        raise UserError(f"floor: no view has depth below {max_depth_m:g} m: expected some")
     poses = np.stack([views[n][1] for n in chosen])
     if up is not None:
         return _below(points, normals, poses, _direction(up), up_source)
@@ -137,7 +144,7 @@ def find_floor(
 
 
 def _points_and_normals(
-    depth_m: np.ndarray, T_world_cam: np.ndarray, camera: Camera
+    depth_m: np.ndarray, T_world_cam: np.ndarray, camera: Camera, max_depth_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points [N, 3] m of a view and the normals of the surface about them, towards the camera; world."""
     step = max(depth_m.shape[0] // _ROWS_PX, 1)
@@ -149,7 +156,7 @@ def _points_and_normals(
     normal = np.cross(below, right)  # towards the camera, as y points down
     around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1]])
     middle = z[1:-1, 1:-1]
-    is_surface = (middle > 0) & (middle < _FAR_M)
+    is_surface = (middle > 0) & (middle < max_depth_m)
     is_surface &= (np.abs(around - middle) < 0.05 * middle).all(axis=0)
     normal = normal[is_surface]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-20

@@ -98,7 +98,7 @@ class RollingWindow:
         keyframes = keyframes_of_store(self._store)
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
-        found = floor_by(gravity, views, keyframes.camera, level)
+        found = floor_by(gravity, views, keyframes.camera, level, self._max_depth_m)
         T_before, before = self.T_floor_world, self.floor
         self.floor = found
         if before is not None:

@@ -24,7 +24,6 @@ from hsslam_services.commands.cli import exit_code
 _PART_BYTES = 8 << 20  # of one request
 _AT_ONCE = 8  # files
 _LOCK = ".lock"
-_WHOLE = ".whole"
 
 
 def main() -> int:

@@ -35,6 +35,7 @@ class AskedPlace:
         """`base_T_camera`: as for `RobotFrames.mounted`."""
         self._link = SharedMap(arrays, config)
         self._mode = mode
+        self._max_depth_m = config.mapper.max_depth_m
         self._knows_places = config.tracker.method != "rendering"
         self._T_base_cam = RobotFrames.mounted(base_T_camera).T_base_cam
         self._asking = threading.Lock()  # one client at a time
@@ -95,7 +96,8 @@ class AskedPlace:
         if (level := store.world_frame.T_level_world) is not None:
             return FloorFrames(level, self._T_base_cam), "--base-T-camera"
         keyframes = keyframes_of_store(store)
-        floor = floor_by(store.world_frame.gravity, keyframes.views, keyframes.camera)
+        gravity = store.world_frame.gravity
+        floor = floor_by(gravity, keyframes.views, keyframes.camera, max_depth_m=self._max_depth_m)
         return FloorFrames(floor.T_floor_world, self._T_base_cam), floor.source
 
     def _looked_for(

@@ -72,6 +72,7 @@ class _DistancesLoop:
         self._blocks = _PublishedBlocks(worker)
         self._window: RollingWindow | None = None
         self._reported: FloorPlane | None = None
+        self._is_none_reported = False
         self._next_s = 0.0
 
     def take(self, pose: Pose) -> None:
@@ -92,7 +93,11 @@ class _DistancesLoop:
             return
         start_s = time.thread_time()
         with self._worker.timed("distances"):
-            self._update(store, depth_raw, image, pose)
+            try:
+                self._update(store, depth_raw, image, pose)
+            except UserError as error:  # no keyframe has depth that counts
+                self._report_none(error)
+                return
         self._worker.stage_ms["distances_core"] = 1e3 * (time.thread_time() - start_s)
         self._worker.count("updates")
 
@@ -116,6 +121,11 @@ class _DistancesLoop:
         if self._slices.has_subscribers():
             self._slices.put(esdf_message(grid, band, pose))
         self._blocks.follow(known, pose)
+
+    def _report_none(self, error: UserError) -> None:
+        if not self._is_none_reported:
+            self._is_none_reported = True
+            self._worker.event("warning", f"no grid yet: {error}")
 
     def _report_floor(self, floor: FloorPlane) -> None:
         """Report the up direction and its source when they are found or change."""

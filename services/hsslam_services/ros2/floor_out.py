@@ -48,8 +48,11 @@ class FloorOut:
             stamp_ns = self._stamp_ns(grid)
             self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
         if not self._distances.has_subscribers():
+            if self._slices is not None:  # computing them costs time
+                self._slices.close()
+                self._slices = None
             return
-        if self._slices is None:  # computing them costs time: only from the first subscriber on
+        if self._slices is None:
             self._slices = self._bus.subscribe(topics.ESDF, 1)
         if (found := self._slices.poll()) is not None:
             corner = (T_map_world @ T_world_raster(found))[:3, 3]

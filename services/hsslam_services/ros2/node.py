@@ -1,7 +1,6 @@
 """A ROS 2 node in a zenoh session: it publishes and subscribes, and the ROS graph shows it."""
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import zenoh
@@ -60,11 +59,6 @@ class RosNode:
 
     def _next_number(self) -> int:
         return len(self._publishers) + len(self._subscriptions) + 1
-
-    @property
-    def publishers(self) -> Sequence["RosPublisher"]:
-        """All publishers of this node."""
-        return tuple(self._publishers)
 
     def close(self) -> None:
         """Withdraw tokens, publishers and subscriptions."""

@@ -55,6 +55,12 @@ class FragmentPath:
         for k in self._T_world_keyframe.keys() & T_world_keyframe.keys():
             self._T_world_keyframe[k] = T_world_keyframe[k]
 
+    def end_stretch(self, stretch: PathLine) -> None:
+        """Set the line to the place where the camera was found, if it is the first."""
+        if self.stretch is None:
+            self.stretch = stretch
+            self.has_news = bool(self._keyframes and self._poses)
+
     def placed(self) -> list[PathPose]:
         """The poses of the fragment in the map."""
         self.has_news = False

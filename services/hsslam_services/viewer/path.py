@@ -126,7 +126,7 @@ class RerunPath:
             ends = [p._replace(color=_LOST) for p in (self._newest.poses[-1], at)]
             stretch = PathLine(f"world/lost/{next(self._stretches)}", ends, width=2.5)
             self._lost.append(stretch)
-            self._fragment.stretch = self._fragment.stretch or stretch
+            self._fragment.end_stretch(stretch)
         self._is_lost = False
         self._begin_segment()
 

@@ -146,6 +146,8 @@ def test_rays_end_where_the_frame_measured():
     short = _map().raycast(np.broadcast_to(eye, surface.shape), directions, 0.5)
     assert (short.hit == (hits.distance_m <= 0.5)).mean() > 0.99
     assert not short.hit.all()
+    far = _map().raycast([[0, 0, -1e15], [0, 0, 0]], [[0, 0, 1], [0, 0, 1]], np.inf)
+    assert far.hit.tolist() == [False, True] and np.isinf(far.distance_m[0])
 
 
 def test_no_sphere_that_is_free_touches_the_room():

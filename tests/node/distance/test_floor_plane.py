@@ -53,6 +53,24 @@ def test_depth_too_far_for_a_floor_is_passed_over(camera):
     assert find_floor([(depth, np.eye(4))], camera).height_m == pytest.approx(-0.25, abs=0.02)
 
 
+@pytest.mark.parametrize("every", [(8, 1), (4, 4), (1, 20)], ids=["rows", "grid", "columns"])
+def test_depth_too_sparse_for_normals_still_has_a_lowest_point(camera, every):
+    depth = np.zeros_like(wall(2.0))
+    depth[:: every[0], :: every[1]] = 2.0
+    floor = find_floor([(depth, np.eye(4))] * 3, camera)
+    assert floor.source == "camera poses"
+    assert floor.height_m == pytest.approx(-0.73, abs=0.1)
+    known = find_floor([(depth, np.eye(4))], camera, np.array([0.0, -1.0, 0.0]), "gravity")
+    assert known.source == "gravity" and known.height_m == pytest.approx(-0.73, abs=0.1)
+
+
+def test_depth_counts_as_far_as_the_map_uses_it(camera):
+    views = [(wall(20.0), np.eye(4))]
+    with pytest.raises(UserError, match="no view has depth below 12 m"):
+        find_floor(views, camera)
+    assert find_floor(views, camera, max_depth_m=30.0).height_m < -5.0
+
+
 def test_the_frame_of_the_floor_has_z_up_and_the_floor_at_zero():
     up = np.array([0.1, -0.9, -0.2])
     up /= np.linalg.norm(up)

@@ -100,6 +100,22 @@ def test_a_fragment_that_joins_the_map_is_drawn_where_it_lies(tmp_path):
     np.testing.assert_allclose(lines["lost/0"], [[2, 0, 0], expected[0]], atol=1e-6)
 
 
+def test_the_gap_ends_at_the_fragment_if_that_is_drawn_before_the_next_pose(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        path = RerunPath(stream)
+        for index in range(8):
+            path.add(_of_fragment(index, 1, 0) if index >= 3 else _in_keyframe(index, 0))
+        joined = msgspec.structs.replace(keyframe(1), t=(0.0, 5.0, 0.0), fragment=1)
+        path.add_keyframe(msgspec.structs.replace(joined, fragment_keyframe=0))
+        path.draw()
+        path.add(_in_keyframe(8, 0))
+        path.draw()
+    lines = _lines(tmp_path / "path.rrd")
+    begin, end = lines["lost/0"]
+    np.testing.assert_allclose(begin, [2, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(end, lines["trajectory/fragment/1"][0], atol=1e-6)
+
+
 def test_a_fragment_that_stays_out_is_not_drawn(tmp_path):
     with _stream(tmp_path / "path.rrd") as stream:
         path = RerunPath(stream)

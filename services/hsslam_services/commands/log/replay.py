@@ -28,6 +28,7 @@ from hsslam_services.log.reader import Logged, bus_messages, log_parts
 _PROG = "hsslam-replay"
 _LONGEST_SLEEP_S = 0.2
 _LONGEST_WAIT_S = 10.0  # of the log's time; its clock may have been set
+_MOST_BACK_S = 1.0  # from a message to the next, unless the clock was set back
 _ALL = ("in/**", "out/**")
 _INPUT = ("in/**",)
 _SUPERVISOR = "supervisor"
@@ -157,7 +158,7 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     """Publish each message at its time, `rate` times as fast as it was logged; returns counts by topic.
 
     Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
-    It waits at most 10 s of the log's time for a message, and not at all if the clock was set back by more.
+    It waits at most 10 s of the log's time for a message, and not at all if the clock was set back.
     """
     publishers = {}
     sent: Counter[str] = Counter()
@@ -166,7 +167,7 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     for message in logged:
         gap_s = 0.0 if last_ns is None else (message.log_ns - last_ns) / 1e9
         last_ns = message.log_ns
-        if abs(gap_s) > _LONGEST_WAIT_S:
+        if not -_MOST_BACK_S <= gap_s <= _LONGEST_WAIT_S:
             wait_s = min(max(gap_s, 0.0), _LONGEST_WAIT_S)
             _echo(
                 f"a gap of {gap_s:.1f} s before a message on {message.topic.name}: "

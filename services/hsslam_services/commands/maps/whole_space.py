@@ -83,11 +83,12 @@ def floor_and_space(
     """
     views, camera, known = saved.keyframes.views, saved.keyframes.camera, saved.checkpoint
     if up:
-        floor = find_floor(views, camera, np.array(up) / math.hypot(*up))
+        direction = np.array(up) / math.hypot(*up)
+        floor = find_floor(views, camera, direction, max_depth_m=saved.max_depth_m)
     else:
         given = level_frame(base_T_camera, in_ros=False)
         level = known.T_level_world if given is None else given
-        floor = floor_by(known.gravity, views, camera, level)
+        floor = floor_by(known.gravity, views, camera, level, saved.max_depth_m)
     try:
         return floor, whole_map(views, camera, floor, voxel_m, far_m, saved.max_depth_m)
     except GridSizeError as error:

@@ -11,9 +11,14 @@ import pytest
 import rerun_cli
 from mcap.reader import make_reader
 
+from hsslam_proto.codec import encode
+from hsslam_proto.topics import POSE
 from hsslam_services.commands.log.command import main
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.log.mcap_writer import McapLog
+from hsslam_services.log.reader import bus_messages
 from tests.services.log.sample_log import PERIOD_NS, START_NS, write_log
+from tests.services.wire_samples import pose
 
 
 def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
@@ -77,6 +82,18 @@ def test_trim_copies_what_lies_between(tmp_path, capsys):
     kept = [m for m in original if START_NS + 5 * PERIOD_NS <= m[1] < START_NS + 12 * PERIOD_NS]
     assert sorted(found) == sorted(kept)
     assert path.exists()
+
+
+def test_trim_keeps_the_order_if_the_clock_was_set_back(tmp_path, capsys):
+    path, short = tmp_path / "run.mcap", tmp_path / "short.mcap"
+    log = McapLog(path, "r")
+    for index in range(20):
+        log_ns = START_NS + PERIOD_NS * (index if index < 12 else index - 6)
+        log.write(POSE, encode(POSE, pose(index)), log_ns, log_ns, index)
+    log.close()
+    assert main(["trim", str(path), str(short), "--start", "0"]) == 0
+    poses = [one.message() for one in bus_messages([short])]
+    assert [one.index for one in poses] == list(range(20))
 
 
 def test_trim_takes_an_end_without_limit(tmp_path, capsys):

@@ -58,6 +58,17 @@ def test_a_clock_that_was_set_is_not_waited_for(tmp_path, endpoint, capsys):
     assert back == "a gap of -172799.9 s before a message on out/pose: the replay waits 0 s"
 
 
+def test_after_a_clock_that_was_set_back_a_little_the_rate_stays(tmp_path, endpoint, capsys):
+    entries = list(bus_messages([write_log(tmp_path, count=13)], {"out/pose"}))
+    back_ns = [0 if k < 6 else 1_500_000_000 for k in range(13)]
+    moved = [replace(one, log_ns=one.log_ns - by) for one, by in zip(entries, back_ns, strict=True)]
+    begin_s = time.monotonic()
+    with Bus(endpoint, "r", "replay") as bus:
+        assert publish(bus, moved, rate=2) == {"out/pose": 13}
+    assert time.monotonic() - begin_s > 11 * 0.1 / 2
+    assert "a gap of -1.4 s" in capsys.readouterr().err
+
+
 def test_a_service_gets_new_frames_from_each_replay_and_nothing_else(tmp_path, endpoint):
     path = write_log(tmp_path, count=3)
     to_service = ["--connect", endpoint, "--robot", "desk", "--delay", "0.2"]
