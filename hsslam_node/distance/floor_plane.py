@@ -114,7 +114,7 @@ def find_floor(
         UserError: there is no view with depth, or `up` is no direction.
     """
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), _MOST_VIEWS)).astype(int))
-    parts = [_points_and_normals(*views[n], camera, max_depth_m) for n in chosen]
+    parts = [_points_and_normals(views[n][0], views[n][1], camera, max_depth_m) for n in chosen]
     points = np.concatenate([p for p, _ in parts] or [np.empty((0, 3))])
     normals = np.concatenate([n for _, n in parts] or [np.empty((0, 3))])
     if len(points) == 0:
