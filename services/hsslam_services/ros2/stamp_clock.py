@@ -9,24 +9,34 @@ _MOST = 10_000  # offsets that are remembered
 
 
 class StampClock:
-    """Learns the offset of the clocks from frames; it changes when a recording waits or has gaps."""
+    """Learns the offset of the clocks from frames; it changes when a recording waits, has gaps, or is played at
+    another rate. Between two frames the offset is interpolated."""
 
     def __init__(self) -> None:
-        self._steps: deque[tuple[int, int]] = deque(
-            maxlen=_MOST
-        )  # source stamp, offset from then on
+        # source stamps and offsets: the last of a constant offset, and the first of another
+        self._steps: deque[tuple[int, int]] = deque(maxlen=_MOST)
+        self._newest = (0, 0)
 
     def learn(self, source_ns: int, ros_ns: int) -> None:
         """Learn from a frame that has both stamps."""
         offset_ns = ros_ns - source_ns
-        if not self._steps or abs(offset_ns - self._steps[-1][1]) > _TOLERANCE_NS:
+        if not self._steps:
             self._steps.append((source_ns, offset_ns))
+        elif abs(offset_ns - self._steps[-1][1]) > _TOLERANCE_NS:
+            if self._newest[0] > self._steps[-1][0]:
+                self._steps.append(self._newest)
+            self._steps.append((source_ns, offset_ns))
+        self._newest = (source_ns, offset_ns)
 
     def ros_ns(self, source_ns: np.ndarray) -> np.ndarray:
         """ROS times [n] int64 of source stamps [n] int64; outside the known range with its nearest offset."""
         if not self._steps:
             return source_ns
-        since_ns, offset_ns = np.array(self._steps, np.int64).T
-        order = np.argsort(since_ns, kind="stable")
-        at = np.searchsorted(since_ns[order], source_ns, side="right") - 1
-        return source_ns + offset_ns[order][np.maximum(at, 0)]
+        stamps_ns, offsets_ns = np.array(self._steps, np.int64).T
+        order = np.argsort(stamps_ns, kind="stable")
+        first, some = (
+            stamps_ns[order[0]],
+            offsets_ns[0],
+        )  # differences fit into float64 to the nanosecond
+        known = (stamps_ns[order] - first, offsets_ns[order] - some)
+        return source_ns + some + np.interp(source_ns - first, *known).round().astype(np.int64)

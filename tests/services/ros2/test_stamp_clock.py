@@ -20,3 +20,12 @@ def test_each_stamp_has_the_offset_of_its_time():
     np.testing.assert_array_equal(
         clock.ros_ns(outside), outside + _START_NS + np.array([0, 700_000_000])
     )
+
+
+def test_a_recording_that_is_played_slowly_needs_not_every_frame():
+    clock = StampClock()
+    source_ns = np.arange(60) * 33_333_333
+    ros_ns = _START_NS + np.arange(60) * 50_000_000
+    for k in (0, 1, 30, 59):  # of which the process heard
+        clock.learn(int(source_ns[k]), int(ros_ns[k]))
+    np.testing.assert_allclose(clock.ros_ns(source_ns) - _START_NS, ros_ns - _START_NS, atol=1000)
