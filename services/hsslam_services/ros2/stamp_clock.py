@@ -9,8 +9,8 @@ _MOST = 10_000  # offsets that are remembered
 
 
 class StampClock:
-    """Learns the offset of the clocks from frames; it changes when a recording waits, has gaps, or is played at
-    another rate. Between two frames the offset is interpolated."""
+    """Learns the offset of the clocks from frames; it changes when a recording waits, has gaps, or is played
+    at another rate. Between two frames the offset is interpolated."""
 
     def __init__(self) -> None:
         # source stamps and offsets: the last of a constant offset, and the first of another
