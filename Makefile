@@ -34,7 +34,7 @@ warm-up: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
 
 test: warm-up
-	$(BIN)/pytest -m 'not long and not alone' --numprocesses 3 --dist loadgroup --no-loadscope-reorder
+	$(BIN)/pytest -m 'not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder
 	$(BIN)/pytest -m 'alone and not long' $(shell grep --recursive --files-with-matches 'mark\.alone\b' tests --include 'test_*.py')
 
 collect: $(VENV)/.installed-dev

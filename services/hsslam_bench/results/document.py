@@ -74,9 +74,9 @@ def _summary(newest: NewestRows) -> list[str]:
     unmeasured = [row.name for row in bounded if row.verdict not in ("ok", "NOT MET")]
     lines = [f"{len(met)} of {len(bounded)} bounds are met."]
     if missed:
-        lines += ["", f"{len(missed)} are not met: {_names(missed)}."]
+        lines += ["", f"Not met, {len(missed)}: {_names(missed)}."]
     if unmeasured:
-        lines += ["", f"{len(unmeasured)} are not measured: {_names(unmeasured)}."]
+        lines += ["", f"Not measured, {len(unmeasured)}: {_names(unmeasured)}."]
     return lines
 
 
