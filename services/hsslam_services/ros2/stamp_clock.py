@@ -34,9 +34,7 @@ class StampClock:
             return source_ns
         stamps_ns, offsets_ns = np.array(self._steps, np.int64).T
         order = np.argsort(stamps_ns, kind="stable")
-        first, some = (
-            stamps_ns[order[0]],
-            offsets_ns[0],
-        )  # differences fit into float64 to the nanosecond
+        # differences fit into float64 to the nanosecond
+        first, some = stamps_ns[order[0]], offsets_ns[0]
         known = (stamps_ns[order] - first, offsets_ns[order] - some)
         return source_ns + some + np.interp(source_ns - first, *known).round().astype(np.int64)

@@ -141,9 +141,7 @@ class Drawing(threading.Thread):
     def _draw(self, message: Message) -> None:
         try:
             self._scene.draw(message)
-        except (
-            Exception
-        ) as error:  # whatever rerun or a decoder raises: the other messages are still drawn
+        except Exception as error:  # of rerun or a decoder; the other messages are still drawn
             self.dropped += 1
             if not self._is_refusal_reported:
                 self._is_refusal_reported = True
