@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import pixel_rays
 
 _NEAREST_M = 0.1  # in front of the camera
+_FARTHEST_M = 1e9  # before the bound; much farther, float64 would not tell a step from none
 _SHORTEST_STEP = 0.2  # in truncations; the longest is one
 _MOST_CASTS = 8  # of a ray, each from behind a surface that does not count
 _SPARSE_PX = 4  # between the rays of an image that start at the camera
@@ -78,13 +79,13 @@ class SdfRayCaster:
         return distance_m
 
     def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths [...] at which rays [..., 3] enter and leave the bound."""
+        """Depths [...] at which rays [..., 3] enter and leave the bound; from too far away none enters."""
         with np.errstate(divide="ignore", invalid="ignore"):
             low = (np.asarray(self._bound.low) - origins) / rays
             high = (np.asarray(self._bound.high) - origins) / rays
         first = np.fmin(low, high).max(axis=-1)
         last = np.fmax(low, high).min(axis=-1)
-        return first, last
+        return first, np.where(first < _FARTHEST_M, last, -np.inf)
 
     def _march_image(
         self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray

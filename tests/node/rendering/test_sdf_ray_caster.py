@@ -45,6 +45,13 @@ def test_nothing_is_seen_beyond_the_bound_or_from_inside_a_surface():
     assert not SdfRayCaster(_sphere, _BOUND, _TRUNCATION_M).depth(_CAMERA, inside).any()
 
 
+def test_a_camera_so_far_away_that_a_step_is_lost_in_rounding_sees_nothing():
+    straight = Camera(31, 23, 30.0, 30.0, 15.0, 11.0)
+    far = np.eye(4)
+    far[2, 3] = -1e15
+    assert not SdfRayCaster(_sphere, _BOUND, _TRUNCATION_M).depth(straight, far).any()
+
+
 def test_a_ray_goes_on_behind_a_surface_that_does_not_count():
     def balls(points: np.ndarray) -> np.ndarray:
         """A smaller one before the ball, about (0, 0, -0.5)."""
