@@ -57,8 +57,8 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     settings["access_control"] = access
     if options.ros_domain is not None:
         settings |= INTRODUCES_PEERS
-    notices: tuple[tuple[str, str], ...] = ()
-    outside, certificate_validity = (), None
+    notices: list[tuple[str, str]] = []
+    outside, certificate_validity, warning = (), None, ""
     if options.security:
         credentials = Credentials.read(options.security)
         credentials.expect_router()
@@ -66,16 +66,15 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
         settings |= credentials.listening()
         outside = (f"tls/{options.outside_place}",)
         text = f"zenoh: {outside[0]}, for certificates of the CA of {credentials.folder}"
-        notices = (
-            (text, "info"),
-            *((text, "warning") for text in [credentials.exposure()] if text),
-        )
+        notices.append((text, "info"))
+        warning = credentials.exposure()
     elif options.outside_place:
         outside = (f"tcp/{options.outside_place}",)
         warning = exposure(options.bind or "127.0.0.1")
-        notices = ((warning, "warning"),) if warning else ()
+    if warning:
+        notices.append((warning, "warning"))
     session = open_router(*outside, inside, settings=settings, expected=_wanted_port(options))
-    return RunRouter(session, inside, notices, certificate_validity)
+    return RunRouter(session, inside, tuple(notices), certificate_validity)
 
 
 def _wanted_port(options: ServeOptions) -> str:
