@@ -8,7 +8,7 @@ from mcap.records import Channel, Message, Schema
 
 Record = tuple[Schema | None, Channel, Message]
 
-_LATEST_NS = 10**9  # by which the recorder writes a record later than others that came after it
+LATEST_NS = 10**9  # by which the recorder writes a record later than others that came after it
 
 
 def in_order_of_arrival(records: Iterable[Record]) -> Iterator[Record]:
@@ -22,14 +22,14 @@ def in_order_of_arrival(records: Iterable[Record]) -> Iterator[Record]:
     latest_ns = 0
     for place, record in enumerate(records):
         log_ns, channel = record[2].log_time, record[2].channel_id
-        if log_ns < latest_ns - _LATEST_NS:
+        if log_ns < latest_ns - LATEST_NS:
             yield from _all_of(waiting)
             newest_ns.clear()
             latest_ns = log_ns
         latest_ns = max(latest_ns, log_ns)
         newest_ns[channel] = max(newest_ns.get(channel, 0), log_ns)
         heapq.heappush(waiting, (newest_ns[channel], place, record))
-        while waiting[0][0] < latest_ns - _LATEST_NS:
+        while waiting[0][0] < latest_ns - LATEST_NS:
             yield heapq.heappop(waiting)[2]
     yield from _all_of(waiting)
 

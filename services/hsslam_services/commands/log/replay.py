@@ -23,12 +23,12 @@ from hsslam_services.bus.bus import Bus, open_router
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.commands.log.replay_step import StepByStep
+from hsslam_services.log.arrival_order import LATEST_NS
 from hsslam_services.log.reader import Logged, bus_messages, log_parts
 
 _PROG = "hsslam-replay"
 _LONGEST_SLEEP_S = 0.2
 _LONGEST_WAIT_S = 10.0  # of the log's time; its clock may have been set
-_MOST_BACK_S = 1.0  # from a message to the next, unless the clock was set back
 _ALL = ("in/**", "out/**")
 _INPUT = ("in/**",)
 _SUPERVISOR = "supervisor"
@@ -167,7 +167,7 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     for message in logged:
         gap_s = 0.0 if last_ns is None else (message.log_ns - last_ns) / 1e9
         last_ns = message.log_ns
-        if not -_MOST_BACK_S <= gap_s <= _LONGEST_WAIT_S:
+        if not -1e-9 * LATEST_NS <= gap_s <= _LONGEST_WAIT_S:
             wait_s = min(max(gap_s, 0.0), _LONGEST_WAIT_S)
             _echo(
                 f"a gap of {gap_s:.1f} s before a message on {message.topic.name}: "
