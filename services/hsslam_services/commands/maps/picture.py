@@ -65,7 +65,8 @@ def _up(run_dir: Path, trajectory: Trajectory) -> np.ndarray:
         return mean_up(trajectory.T_world_cam)
     saved = SavedMap.open(run_dir)
     known, seen = saved.checkpoint, saved.keyframes
-    return np.asarray(floor_by(known.gravity, seen.views, seen.camera, known.T_level_world).up)
+    floor = floor_by(known.gravity, seen.views, seen.camera, known.T_level_world, saved.max_depth_m)
+    return np.asarray(floor.up)
 
 
 class _Surface(NamedTuple):
