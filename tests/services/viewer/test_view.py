@@ -1,27 +1,22 @@
-import os
+"""What run.rrd shows of a run."""
+
 import re
-import signal
-import socket
-import time
-import urllib.request
 
 import msgspec
-import pytest
 import rerun as rr
 
-from hsslam_proto import messages, run_messages
 from hsslam_services.viewer.drawing import Drawing, Intervals
-from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.scene import RerunScene
 from hsslam_services.viewer.view import RerunView
 from tests.services.recorded import rrd, rrd_rows
+from tests.services.viewer.shown_run import show_a_run
 from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
 
 
 def test_the_file_has_the_whole_scene(tmp_path):
     events = []
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
-    _show_a_run(view)
+    show_a_run(view)
     view.close()
     assert events == []
     assert view.dropped == 0
@@ -78,7 +73,7 @@ def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
 
 def test_a_new_map_epoch_clears_what_was_drawn_of_the_old(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
-    _show_a_run(view)
+    show_a_run(view)
     view.show(msgspec.structs.replace(pose(101), map_epoch=1))
     view.show(pose(102))  # a straggler of the old map epoch is not drawn
     view.show(msgspec.structs.replace(pose(103), map_epoch=1))
@@ -113,7 +108,7 @@ def test_blocks_of_a_new_map_stay_if_they_overtake_its_first_message(tmp_path):
 def test_the_next_file_opens_alone(tmp_path):
     first, second = tmp_path / "run.rrd", tmp_path / "run.1.rrd"
     view = RerunView(first, "none", "run-1", lambda *_: None)
-    _show_a_run(view)
+    show_a_run(view)
     view.write_to(second)
     view.write_to(second)
     view.show(frame(1))
@@ -161,7 +156,7 @@ def test_a_file_that_cannot_be_written_is_reported_and_the_file_before_goes_on(t
     events = []
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
     view.write_to(tmp_path / "gone" / "run.1.rrd")
-    _show_a_run(view)
+    show_a_run(view)
     view.close()
     [(level, text)] = events
     assert level == "warning" and "run.1.rrd: " in text
@@ -178,144 +173,3 @@ def test_show_does_not_wait_for_the_drawing(tmp_path):
         shown += 1
         assert shown < 10_000
     view.close()
-
-
-def test_a_viewer_that_is_closed_is_one_event(tmp_path):
-    events = []
-    server = ViewerProcess("web")
-    assert server.page is not None and server.page.startswith("http://127.0.0.1:")
-    view = RerunView(
-        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
-    )
-    _show_a_run(view)
-    _expect_looked_at(view)  # and it was found alive
-    assert events == []
-    server.close()
-    assert server.has_ended()
-    deadline = time.monotonic() + 20
-    while not events and time.monotonic() < deadline:
-        view.show(pose(201))
-        time.sleep(0.05)
-    view.show(pose(202))
-    view.close()
-    assert [level for level, _ in events] == ["warning"]
-    assert "is closed" in events[0][1]
-    rrd("verify", tmp_path / "run.rrd")
-
-
-def test_a_frozen_viewer_holds_nobody_up_and_goes_on_when_it_thaws(tmp_path):
-    events = []
-    server = ViewerProcess("web")
-    view = RerunView(
-        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
-    )
-    _show_a_run(view)
-    _expect_looked_at(view)  # for the first time, with patience
-    os.kill(server.pid, signal.SIGSTOP)
-    large = memoryview(os.urandom(1_000_000))  # soon nothing on the way takes any more
-    picture = msgspec.structs.replace(frame(0, compressed=True), color=large)
-    index, deadline = 0, time.monotonic() + 20
-    while not (events and view.dropped) and time.monotonic() < deadline:
-        view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
-        index += 1
-        time.sleep(0.005)
-    assert [level for level, _ in events] == ["warning"]
-    assert "takes no data" in events[0][1]
-    assert view.dropped  # `show` came back often enough to fill the queue: it does not wait
-    os.kill(server.pid, signal.SIGCONT)
-    dropped = -1
-    while dropped != view.dropped and time.monotonic() < deadline:  # it is drawn to again
-        dropped = view.dropped
-        for _ in range(20):
-            view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
-            index += 1
-            time.sleep(0.05)
-    assert dropped == view.dropped
-    assert len(events) == 1  # it was not taken for closed
-    server.close()
-    view.close()
-
-
-def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
-    events = []
-    view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
-    _show_a_run(view)
-    deadline = time.monotonic() + 30
-    while not events:  # as soon as the page can be opened
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    ((level, text),) = events
-    page = text.split()[-1]
-    assert level == "info" and page.startswith("http://127.0.0.1:")
-    assert _status(page, patience_s=0) == 200
-    address = (socket.gethostbyname(socket.gethostname()), int(page.split(":")[2].split("/")[0]))
-    if not address[0].startswith("127."):
-        with socket.socket() as outside:
-            assert outside.connect_ex(address) != 0
-    view.close()
-    with pytest.raises(OSError):
-        _status(page, patience_s=0)
-
-
-def test_a_viewer_that_cannot_be_started_costs_no_recording(tmp_path, monkeypatch):
-    nowhere = "hsslam_services.viewer.rerun_process._executable"
-    monkeypatch.setattr(nowhere, lambda: "/nowhere/rerun")
-    events = []
-    view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
-    _show_a_run(view)
-    view.close()
-    ((level, text),) = events
-    assert level == "warning" and "--viewer web: cannot start /nowhere/rerun" in text
-    assert text.endswith("the run goes on without a viewer")
-    rrd("verify", tmp_path / "run.rrd")
-
-
-def _expect_looked_at(view: RerunView) -> None:
-    """Draw until the viewer has been looked at."""
-    watch = view._threads[-1]._watch
-    assert watch is not None
-    due_s, deadline = watch._next_s, time.monotonic() + 30
-    while watch._next_s == due_s:
-        assert time.monotonic() < deadline
-        view.show(pose(200))
-        time.sleep(0.05)
-
-
-def _status(page, patience_s=10.0) -> int:
-    deadline = time.monotonic() + patience_s
-    while True:
-        try:
-            return urllib.request.urlopen(page, timeout=5).status
-        except OSError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.1)
-
-
-def _show_a_run(view: RerunView) -> None:
-    view.show(keyframe(0))
-    for index in range(100):
-        if index % 10 == 0:
-            view.show(frame(index, compressed=True))
-            time.sleep(0.02)
-        view.show(pose(index, status="lost" if index == 50 else "tracked"))
-    view.show(keyframe(40))
-    view.show(messages.MapVersion(version=1, iterations=10, loss=0.5, keyframes=2, mapping_ms=9.0))
-    view.show(
-        messages.Correction(
-            pose_version=1,
-            base_version=0,
-            keyframes=[0],
-            t=[(0.0, 0.1, 0.0)],
-            q=[(0.0, 0.0, 0.0, 1.0)],
-            loss_before=1.0,
-            loss_after=0.5,
-            loops=[(0, 40)],
-        )
-    )
-    view.show(mesh(final=True))
-    color = memoryview(bytes(36))
-    view.show(messages.View(index=1, stamp_ns=1, width_px=4, height_px=3, color=color))
-    view.show(run_messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
-    view.show(run_messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
-    time.sleep(0.3)
