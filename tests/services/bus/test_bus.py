@@ -14,6 +14,7 @@ from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.dead_pools import pools_of
 from hsslam_services.bus.zenoh_session import open_client
 from tests.services.wire_samples import blocks, frame, keyframe, pose
+from tests.until import until
 
 _BLOCKED_S = 0.25  # no bound on speed: a publisher that waits for a reader waits 1 s
 
@@ -22,7 +23,7 @@ def test_messages_arrive_in_order_with_their_envelope(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         stops = b.subscribe(topics.STEP, depth=64)
         publisher = a.publisher(topics.STEP)
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
         for index in range(1, 40):
             publisher.put(run_messages.Step(stage="done", index=index))
         assert [_expect(stops).index for _ in range(1, 40)] == list(range(1, 40))
@@ -57,17 +58,17 @@ def test_shared_memory_is_open_before_the_first_frame(endpoint):
         a.publisher(topics.FRAME, block=True)  # waits for its reader
         assert not pools_of(os.getpid()) - before
         a.publisher(topics.FRAME)
-        _until(lambda: pools_of(os.getpid()) - before)
+        until(lambda: pools_of(os.getpid()) - before)
 
 
 def test_newest_wins_and_the_rest_is_counted(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=1)
         publisher = a.publisher(topics.FRAME)
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
         for index in range(1, 6):
             publisher.put(_frame(index))
-        _until(lambda: frames.received == 5)
+        until(lambda: frames.received == 5)
         assert [frame.index for frame in frames.drain()] == [5]
         assert frames.dropped == 4
 
@@ -124,7 +125,7 @@ def test_who_comes_late_asks_for_all_that_messages_amount_to(endpoint):
         publisher.answer_with(lambda: [blocks(7, k) for k in range(3)])
         publisher.put(blocks(7, 2))
         found = []
-        _until(lambda: found.extend(b.state(topics.MESH_BLOCKS)) or len(found) >= 3)
+        until(lambda: found.extend(b.state(topics.MESH_BLOCKS)) or len(found) >= 3)
         assert [message.revision for message in found] == [7, 7, 7]
         late = b.subscribe(topics.MESH_BLOCKS, depth=8, history=True)
         assert [_expect(late).revision for _ in range(3)] == [7, 7, 7]
@@ -152,12 +153,12 @@ def test_what_cannot_be_read_is_counted_and_told(endpoint):
         key = topics.POSE.key("r")
         known = "application/msgpack;hsslam.Pose.v1"
         publisher = outsider.declare_publisher(key)
-        _until(lambda: publisher.matching_status.matching)
+        until(lambda: publisher.matching_status.matching)
         publisher.put(b"\xc1" * 9, encoding=known)
         publisher.put(b"\x80", encoding="application/msgpack;hsslam.Pose.v2")
         publisher.put(bytes(2**17), encoding=known)
         publisher.put(b"", encoding="application/msgpack;hsslam.Frame.v1")
-        _until(lambda: poses.received == 4)
+        until(lambda: poses.received == 4)
         assert (poses.rejected, poses.pending()) == (4, 0)
         reasons = [rejected.reason for rejected in poses.take_rejections()]
         assert sorted(reasons) == ["malformed", "schema", "size", "version"]
@@ -170,14 +171,14 @@ def test_live_processes_follow_sigkill(endpoint):
         assert ("a", os.getpid()) in a.live_processes()
         reader.kill()
         reader.wait()
-        _until(lambda: ("reader", reader.pid) not in a.live_processes())
+        until(lambda: ("reader", reader.pid) not in a.live_processes())
 
 
 def test_sigkill_of_a_reader_does_not_disturb_the_others(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=100)
         publisher = a.publisher(topics.FRAME)
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
         with _reader(endpoint) as reader:
             slowest_s = 0.0
             for index in range(1, 60):
@@ -195,7 +196,7 @@ def test_a_frozen_reader_does_not_hold_up_frames_and_poses(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=1)
         publisher = a.publisher(topics.FRAME)
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
         with _reader(endpoint) as reader:
             reader.send_signal(signal.SIGSTOP)
             slowest_s, received = 0.0, 0
@@ -252,20 +253,13 @@ def test_clients_come_back_after_the_router(endpoint):
     router = open_router(address)
     with Bus(address, "r", "a") as a, Bus(address, "r", "b") as b:
         router.close()
-        _until(lambda: not a.is_connected())
+        until(lambda: not a.is_connected())
         router = open_router(address)
         steps, publisher = b.subscribe(topics.STEP, depth=4), a.publisher(topics.STEP)
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
         publisher.put(run_messages.Step(stage="done", index=1))
         assert _expect(steps).index == 1
     router.close()
-
-
-def _until(condition, timeout_s=10.0):
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, "timed out"
-        time.sleep(0.01)
 
 
 def _expect(subscription):

@@ -3,12 +3,12 @@
 import sys
 import threading
 import time
-from collections.abc import Callable
 
 import pytest
 
 from hsslam_services.camera import prefetch
 from hsslam_services.camera.prefetch import Prefetch
+from tests.until import until
 
 
 def test_order_is_kept_and_the_lead_is_bounded():
@@ -24,17 +24,10 @@ def test_order_is_kept_and_the_lead_is_bounded():
     for item in ahead:
         got.append(item)
         if len(got) < 17:  # those behind it are made: three wait, one is held
-            _until(lambda: len(made) >= len(got) + 4)
+            until(lambda: len(made) >= len(got) + 4, 20)
         assert len(made) <= len(got) + 4
     assert got == list(range(20))
     ahead.close()
-
-
-def _until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
 
 
 def test_error_of_the_items_is_raised_behind_what_came_before():

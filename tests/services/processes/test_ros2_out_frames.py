@@ -1,7 +1,6 @@
 """What ROS 2 hears of single frames, told without a run."""
 
 import os
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -20,6 +19,7 @@ from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.node import RosNode
 from tests.services.ros2.ros_listener import RosListener
 from tests.services.wire_samples import frame, pose
+from tests.until import until
 
 _FRAME_NS = 33_333_333
 
@@ -77,28 +77,19 @@ def node(run) -> Iterator[_Node]:
     listener.close()
 
 
-def _until(is_met: Callable[[], object]) -> None:
-    pause = threading.Event()
-    for _ in range(6000):
-        if is_met():
-            return
-        pause.wait(0.01)
-    raise AssertionError("it never came")
-
-
 def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
     """Without any a collision monitor stops the robot; an empty cloud says that its way is free."""
     node.listener.hear("/hsslam/points")
-    _until(lambda: node.tell() and node.received() >= 0)
+    until(lambda: node.tell() and node.received() >= 0, 60)
     with Bus(run.endpoint, run.robot, "camera") as camera:
         frames = camera.publisher(topics.FRAME)
-        _until(frames.has_subscribers)
+        until(frames.has_subscribers, 60)
 
         def show(of: Pose, depth: int) -> None:
             before, image = node.received(), frame(of.index)
             raw = np.full((image.height_px, image.width_px), depth, "<u2").data.cast("B")
             frames.put(msgspec.structs.replace(image, stamp_ns=of.stamp_ns, depth=raw))
-            _until(lambda: node.received() > before)
+            until(lambda: node.received() > before, 60)
 
         node.tell(lambda of: show(of, 0))
         node.tell(lambda of: show(of, 0), is_dead_reckoned=True)
@@ -113,7 +104,7 @@ def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
 def test_a_speed_that_is_not_known_is_told_as_such(node):
     """Filters take zeros for sure: a robot that was found after a gap does not stand still."""
     node.listener.hear("/hsslam/odom")
-    _until(lambda: node.tell() and node.listener.count("/hsslam/odom"))
+    until(lambda: node.tell() and node.listener.count("/hsslam/odom"), 60)
     stamps_ns = [
         node.tell(),
         node.tell(odometry_stands=True),
@@ -126,7 +117,7 @@ def test_a_speed_that_is_not_known_is_told_as_such(node):
         by_stamp.update({_stamp_ns(one.by_rosbags): one.by_rosbags for one in heard})
         return by_stamp.keys() >= set(stamps_ns)
 
-    _until(are_heard)
+    until(are_heard, 60)
     moves, stands, unsure = (by_stamp[stamp_ns] for stamp_ns in stamps_ns)
     assert abs(moves.twist.twist.linear.y + 3.0) < 1e-4  # m/s, by the clock of the source
     assert 0.1 < moves.twist.covariance[0] < 0.3 and moves.pose.covariance[0] < 1e-3
@@ -142,7 +133,7 @@ def test_frames_of_a_robot_begin_with_its_prefix(node):
     for topic in ("/tf", "/hsslam/pose", "/hsslam/odom"):
         node.listener.hear(topic)
     node.listener.hear_latched("/tf_static")
-    _until(lambda: node.tell() and all(map(node.listener.count, ("/tf", "/hsslam/odom"))))
+    until(lambda: node.tell() and all(map(node.listener.count, ("/tf", "/hsslam/odom"))), 60)
     node.listener.wait_until(lambda: node.listener.count("/tf_static") > 0)
     names = {
         name

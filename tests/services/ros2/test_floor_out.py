@@ -1,8 +1,5 @@
 """Distances are asked of the run only while a node of ROS wants them."""
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 
 from hsslam_proto import topics
@@ -11,6 +8,7 @@ from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.node import RosNode
 from tests.services.ros2.ros_listener import RosListener
+from tests.until import until
 
 
 def test_slices_are_asked_for_while_a_node_subscribes_to_them(endpoint):
@@ -30,13 +28,6 @@ def test_slices_are_asked_for_while_a_node_subscribes_to_them(endpoint):
         assert not is_asked()
         listener = RosListener(endpoint)
         listener.hear("/hsslam/static_map_slice")
-        _until(is_asked)
+        until(is_asked, 60)
         listener.close()
-        _until(lambda: not is_asked())
-
-
-def _until(is_met: Callable[[], bool], timeout_s: float = 60.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not is_met():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
+        until(lambda: not is_asked(), 60)

@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -24,6 +24,7 @@ from hsslam_services.security.access import ROLES
 from hsslam_services.security.credentials import client_settings
 from hsslam_services.supervisor.router import exposure, open_run_router
 from tests.services.wire_samples import frame, keyframe, pose
+from tests.until import until
 
 _REFUSED = "expected a router that accepts this certificate"
 
@@ -87,7 +88,7 @@ def test_a_camera_publishes_frames_and_nothing_else(secure_router):
         plain = open_client(outside, 3.0, client_settings(outside, security))
         with Bus(outside, "r", "outside-camera", security) as camera, plain:
             sent = camera.publisher(topics.FRAME)
-            _until(lambda: (sent.put(frame(0)), frames.wait(0.1))[1])
+            until(lambda: (sent.put(frame(0)), frames.wait(0.1))[1])
             camera.publisher(topics.POSE).put(pose(0))
             camera.publisher(topics.STOP).put(run_messages.Stop(reason="faked"))
             for key in ("hsslam/r/**", "hsslam/r/*/*", "hsslam/r/out/pose", "hsslam/r/sys/stop"):
@@ -100,7 +101,7 @@ def test_a_camera_publishes_frames_and_nothing_else(secure_router):
             assert {live.process for live in service.live_processes()} == {"tracker"}
         with open_client(secure_router.inside) as worker:  # the same is taken from within
             worker.put("hsslam/r/out/pose", b"by any means")
-            _until(lambda: poses.received == 1)
+            until(lambda: poses.received == 1)
         assert (poses.received, stops.received, frames.rejected) == (1, 0, 0)
 
 
@@ -111,7 +112,7 @@ def test_a_camera_hears_steps_and_poses_but_no_images(secure_router):
         Bus(secure_router.outside, "r", "outside-camera", security) as camera,
     ):
         steps, meshes = camera.subscribe(topics.STEP, 8), camera.subscribe(topics.FRAME, 8)
-        _until(lambda: _told(service, topics.STEP, run_messages.Step(stage="done", index=1), steps))
+        until(lambda: _told(service, topics.STEP, run_messages.Step(stage="done", index=1), steps))
         service.publisher(topics.FRAME).put(frame(0))
         assert meshes.wait(0.3) is None
 
@@ -125,9 +126,9 @@ def test_who_looks_on_hears_all_and_what_was_before(secure_router, role):
             kept.put(keyframe(index))
         with Bus(secure_router.outside, "r", "dashboard", security) as looker:
             keyframes = looker.subscribe(topics.KEYFRAME, 16)
-            _until(lambda: keyframes.pending() == 3)
+            until(lambda: keyframes.pending() == 3)
             frames = looker.subscribe(topics.FRAME, 8)
-            _until(lambda: _told(service, topics.FRAME, frame(0), frames))
+            until(lambda: _told(service, topics.FRAME, frame(0), frames))
             images = service.subscribe(topics.FRAME, 8)
             looker.publisher(topics.FRAME).put(frame(1))
             assert images.wait(0.3) is None
@@ -171,13 +172,6 @@ def _told(service: Bus, topic: topics.Topic, message: Message, heard) -> bool:
     return heard.wait(0.1) is not None
 
 
-def _until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 @contextmanager
 def _answering(endpoint: str) -> Iterator[None]:
     """A service that says "done" to all requests."""
@@ -203,7 +197,7 @@ def test_no_client_asks_the_process_that_a_request_is_passed_on_to(secure_router
     with Bus(secure_router.inside, "r", "mesher") as mesher:
         mesher.answer(QUERY, answer)
         with Bus(secure_router.inside, "r", "supervisor") as supervisor:
-            _until(lambda: [supervisor.pass_on(QUERY, question), *answered][1:])
+            until(lambda: [supervisor.pass_on(QUERY, question), *answered][1:])
         heard = len(answered)
         with Bus(outside, "r", "outside", security) as operator:
             refused = operator.pass_on(QUERY, question)

@@ -21,6 +21,7 @@ from hsslam_services.supervisor.descriptors import most_sessions
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 from tests.services.ros2.ros_listener import ros_peer
 from tests.services.wire_samples import frame, keyframe, pose
+from tests.until import until
 
 _LATEST_S = 0.05
 _HELD_UP_S = 0.25  # a busy machine is late by itself; zenoh waits 1 s for one that takes nothing
@@ -65,7 +66,7 @@ def test_without_a_port_only_this_user_s_processes_meet(tmp_path):
         assert _tcp_ports() == set()
         with Bus(router.endpoint, "r", "a") as a, Bus(router.endpoint, "r", "b") as b:
             poses, sent = b.subscribe(topics.POSE, 4), a.publisher(topics.POSE)
-            _until(lambda: (sent.put(pose(0)), poses.wait(0.1))[1])
+            until(lambda: (sent.put(pose(0)), poses.wait(0.1))[1])
 
 
 @pytest.mark.parametrize(
@@ -95,7 +96,7 @@ def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
         heard = {topic: inside.subscribe(topic, 8) for topic in topics.TOPICS}
         looking = outside.subscribe(topics.KEYFRAME, 8)
         frames = outside.publisher(topics.FRAME)
-        _until(lambda: (frames.put(frame(0)), heard[topics.FRAME].wait(0.1))[1])
+        until(lambda: (frames.put(frame(0)), heard[topics.FRAME].wait(0.1))[1])
         forged = run_messages.Health(
             process="tracker", pid=os.getpid(), state="running", rss_bytes=1
         )
@@ -106,9 +107,9 @@ def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
             for key in ("hsslam/r/**", "hsslam/r/sys/health", "hsslam/**", "**"):
                 plain.put(key, b"by any means")
             frames.put(frame(1))
-            _until(lambda: heard[topics.FRAME].pending())
+            until(lambda: heard[topics.FRAME].pending())
         inside.publisher(topics.KEYFRAME).put(keyframe(0))
-        _until(lambda: looking.pending() and heard[topics.KEYFRAME].pending())
+        until(lambda: looking.pending() and heard[topics.KEYFRAME].pending())
         taken = {topic.name for topic, subscription in heard.items() if subscription.received}
         assert taken == {"in/frame", "out/keyframe"}
         assert {live.process for live in inside.live_processes()} == {"supervisor"}
@@ -196,8 +197,8 @@ def _expect_met(node: zenoh.Session, other: zenoh.Session, name: str) -> None:
     images = other.declare_subscriber(f"0/{name}/**")
     nodes = other.liveliness().declare_subscriber(f"@ros2_lv/**/{name}", history=True)
     token = node.liveliness().declare_token(f"@ros2_lv/0/abc/0/0/NN/%/%/{name}")
-    _until(lambda: (node.put(f"0/{name}/image/type/hash", b"x"), images.try_recv())[1])
-    _until(nodes.try_recv)
+    until(lambda: (node.put(f"0/{name}/image/type/hash", b"x"), images.try_recv())[1])
+    until(nodes.try_recv)
     token.undeclare()
 
 
@@ -207,7 +208,7 @@ def _latencies_s(endpoint: str, freeze: Callable[[], None]) -> list[float]:
     with Bus(endpoint, "r", "tracker") as tracker, Bus(endpoint, "r", "supervisor") as other:
         sent, kept = tracker.publisher(topics.POSE), tracker.publisher(topics.KEYFRAME)
         heard = other.subscribe(topics.POSE, 64, history=False)
-        _until(lambda: (sent.put(pose(0)), heard.wait(0.1))[1])
+        until(lambda: (sent.put(pose(0)), heard.wait(0.1))[1])
         freeze()
         end_s = time.monotonic() + _SENT_S
         while time.monotonic() < end_s:
@@ -247,10 +248,3 @@ def _tcp_ports() -> set[int]:
 
     own = psutil.Process().net_connections("tcp")
     return {c.laddr.port for c in own if c.status == psutil.CONN_LISTEN}
-
-
-def _until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)

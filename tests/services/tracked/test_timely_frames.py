@@ -1,7 +1,6 @@
 """A burst of frames is tracked whole; a tracker that is behind gets the newest frame."""
 
 import time
-from collections.abc import Callable
 
 import msgspec
 
@@ -12,15 +11,10 @@ from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.subscription import Received, Subscription
 from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
 from tests.services.wire_samples import frame
+from tests.until import until
 
 _PERIOD_NS = 33_000_000
 _FAR_NS = 3_600_000_000_000
-
-
-def _until(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline_s, "timed out"
 
 
 class _Camera:
@@ -28,14 +22,14 @@ class _Camera:
 
     def __init__(self, publisher: Publisher[Frame], frames: Subscription[Frame]) -> None:
         self._publisher, self._frames = publisher, frames
-        _until(publisher.has_subscribers)
+        until(publisher.has_subscribers)
 
     def burst(self, *indices: int) -> None:
         received = self._frames.received
         for index in indices:
             sent = msgspec.structs.replace(frame(index), stamp_ns=_PERIOD_NS * index)
             self._publisher.put(sent)
-        _until(lambda: self._frames.received == received + len(indices))
+        until(lambda: self._frames.received == received + len(indices))
 
 
 def _indices(received: list[Received[Frame] | None]) -> list[int | None]:

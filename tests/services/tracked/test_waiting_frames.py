@@ -1,14 +1,12 @@
 """Each pose gets its frame, however far the frames are ahead."""
 
-import time
-from collections.abc import Callable
-
 import msgspec
 
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.tracked.waiting_frames import WaitingFrames
 from tests.services.wire_samples import frame, pose
+from tests.until import until
 
 
 def test_a_pose_gets_its_frame_though_the_next_ones_are_there(endpoint):
@@ -20,23 +18,16 @@ def test_a_pose_gets_its_frame_though_the_next_ones_are_there(endpoint):
         waiting = WaitingFrames(reader)
         sender = camera.publisher(topics.FRAME)
         (subscription,) = reader.subscriptions
-        _until(sender.has_subscribers)
+        until(sender.has_subscribers, 30)
         for sent in frames[:4]:
             sender.put(sent)
-        _until(lambda: subscription.received == 4)
+        until(lambda: subscription.received == 4, 30)
         found = [waiting.of(poses[1]), waiting.of(poses[2])]
         assert [one and one.index for one in found] == [1, 2]
         assert waiting.of(poses[0]) is None  # before one that was asked for
         for sent in frames[4:]:
             sender.put(sent)
-        _until(lambda: subscription.received == 6)
+        until(lambda: subscription.received == 6, 30)
         assert waiting.of(msgspec.structs.replace(poses[4], stamp_ns=1)) is None  # another's
         found = [waiting.of(poses[index]) for index in (3, 5)]
         assert [one and one.index for one in found] == [3, 5]
-
-
-def _until(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.005)
