@@ -226,7 +226,7 @@ class Slam:
             self._map_new(before)
             if self._ba and self._ba.is_due(self.store):
                 self._adjust(self._ba, self.store)
-        elif self.store.lacks_room():  # for a fragment
+        elif self.store.room.is_short():  # for a fragment
             self._mapper.select(self.store)
         return result
 

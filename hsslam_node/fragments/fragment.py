@@ -37,6 +37,6 @@ class Fragment:
     def track(self, frame: Frame) -> TrackResult:
         """The pose in the fragment."""
         result = self.tracker.track(frame, None)
-        if result.is_keyframe and len(self.store.kept()) > _NEARLY_FULL * self.store.most_kept:
+        if result.is_keyframe and len(self.store.kept()) > _NEARLY_FULL * self.store.room.most_kept:
             self._selection.select(self.store)
         return result

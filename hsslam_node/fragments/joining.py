@@ -51,29 +51,29 @@ class Joining:
     def finish(self) -> JoinedFragment | None:
         """Copy the other keyframes and show all; None if the map has memory for none."""
         if not self._every:
-            self._begin(self._store.free)
+            self._begin(self._store.room.free)
         while self._next < self._fragment.store.count:
             self._copy_next()
         return self._show()
 
     def give_up(self) -> None:
         """Discard the copied keyframes and no longer ask for room."""
-        self._store.want(0)
+        self._store.room.want(0)
         self._staging.give_up()
 
     def _begins(self) -> bool:
         """Whether there is room now; if not, ask the mapper for it."""
-        free, kept = self._store.free, len(self._fragment.store.kept())
-        wanted = min(kept + _SPARE, self._store.most_kept // _PARTS)
+        free, kept = self._store.room.free, len(self._fragment.store.kept())
+        wanted = min(kept + _SPARE, self._store.room.most_kept // _PARTS)
         if free < wanted:
-            self._store.want(wanted)
+            self._store.room.want(wanted)
             return False
         self._begin(free - min(_SPARE, free // 4))
         return True
 
     def _begin(self, room: int) -> None:
         """Copy as many keyframes as `room`; if the fragment keeps more, leave some out evenly."""
-        self._store.want(0)
+        self._store.room.want(0)
         self._every = -(-len(self._fragment.store.kept()) // max(room, 1))
 
     def _copy_next(self) -> None:

@@ -8,8 +8,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera, camera_difference
 from hsslam_node.map.allocator import ArrayAllocator
-from hsslam_node.map.keyframes.header import COUNT, INHERITED, MOST, REFUSED, WANTED
+from hsslam_node.map.keyframes.header import COUNT, INHERITED
 from hsslam_node.map.keyframes.poses import KeyframePoses
+from hsslam_node.map.keyframes.room import KeyframeRoom
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
 from hsslam_node.map.keyframes.staged import StagedKeyframes
@@ -48,6 +49,7 @@ class KeyframeStore:
         self._rows = KeyframeRows(arrays)
         self._slots = KeyframeSlots(arrays, self.camera)
         self._poses = KeyframePoses(self._header, self._rows, self._slots)
+        self.room = KeyframeRoom(self._header, self._slots)
 
     @classmethod
     def create(
@@ -66,43 +68,6 @@ class KeyframeStore:
     def count(self) -> int:
         """Keyframes that are complete, the retired ones included."""
         return load_ordered(self._header, COUNT)
-
-    @property
-    def capacity(self) -> int:
-        """Most keyframes that can be kept at a time."""
-        return len(self._slots)
-
-    @property
-    def most_kept(self) -> int:
-        """Most keyframes that may be kept at a time, as memory permits now."""
-        return load_ordered(self._header, MOST) or self.capacity
-
-    def allow(self, most_kept: int) -> None:
-        """The mapper only: keep at most this many keyframes from now on."""
-        store_ordered(self._header, MOST, min(max(most_kept, 1), self.capacity))
-
-    @property
-    def refused(self) -> int:
-        """How often there was no room for a keyframe that was due."""
-        return load_ordered(self._header, REFUSED)
-
-    @property
-    def free(self) -> int:
-        """Keyframes that can come now; what is staged is not counted."""
-        return self.most_kept - len(self.kept())
-
-    @property
-    def wanted(self) -> int:
-        """Keyframes that wait for room, 0: none."""
-        return load_ordered(self._header, WANTED)
-
-    def want(self, keyframes: int) -> None:
-        """The tracker only: note how many keyframes wait for room, 0: none."""
-        store_ordered(self._header, WANTED, keyframes)
-
-    def lacks_room(self) -> bool:
-        """Whether keyframes wait for more room than there is: then the mapper retires others."""
-        return self.wanted > 0 and self.wanted > self.free
 
     @property
     def pixel_bytes(self) -> int:
@@ -125,10 +90,10 @@ class KeyframeStore:
 
     def has_room(self) -> bool:
         """The tracker only: whether a keyframe can be appended; counted where it cannot."""
-        slot, _ = self._slots.reserve(self.count, self.most_kept)
+        slot, _ = self._slots.reserve(self.count, self.room.most_kept)
         has_room = slot >= 0 and self._rows.reserve(self.count)
         if not has_room:
-            store_ordered(self._header, REFUSED, self.refused + 1)
+            self.room.refuse()
         return has_room
 
     def appending(self) -> AbstractContextManager[None]:
@@ -159,9 +124,9 @@ class KeyframeStore:
         """
         k = self.count
         self.expect_like(frame)
-        slot, refusal = self._slots.reserve(k, self.most_kept)
+        slot, refusal = self._slots.reserve(k, self.room.most_kept)
         if slot < 0:
-            full = f"keyframes.capacity = {self.capacity}: the run needs more keyframes"
+            full = f"keyframes.capacity = {self.room.capacity}: the run needs more keyframes"
             raise refusal or UserError(full)
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
@@ -178,12 +143,12 @@ class KeyframeStore:
         )
         self._slots.take(slot, k)
         store_ordered(self._header, COUNT, k + 1)
-        self._slots.drop(k + 1, self.most_kept)
+        self._slots.drop(k + 1, self.room.most_kept)
         return k
 
     def staging(self) -> StagedKeyframes:
         """The tracker only: for keyframes that come at once; none is appended otherwise until they have."""
-        return StagedKeyframes(self._slots, self._rows, self.count, lambda: self.most_kept)
+        return StagedKeyframes(self._slots, self._rows, self.count, lambda: self.room.most_kept)
 
     def append_staged(
         self, staged: StagedKeyframes, T_world_cam: np.ndarray, covariances: np.ndarray,
@@ -206,7 +171,7 @@ class KeyframeStore:
     def forget_incomplete(self) -> None:
         """The tracker only: undo what a former tracker of this run, which died, did not complete."""
         self._slots.forget_incomplete(self.count)
-        self.want(0)
+        self.room.want(0)
 
     def expect_like(self, frame: Frame) -> None:
         """UserError where the frame is not of the store's camera."""

@@ -29,7 +29,7 @@ class KeyframeSelection:
 
     A keyframe stays if fewer than `views` kept keyframes show each of more than `new_share` of its cells
     (`view_cells`). `views` shrinks as memory gets scarce. If memory is full, or if keyframes wait for room
-    (`KeyframeStore.want`), the most redundant of some kept keyframes retire. Keyframe 0, which fixes the
+    (`KeyframeRoom.want`), the most redundant of some kept keyframes retire. Keyframe 0, which fixes the
     world, stays. Keyframes that a correction has moved count at their new poses.
 
     `judges_all`: judge also the keyframes that left the ring before the first call. Otherwise these stay, as
@@ -54,9 +54,9 @@ class KeyframeSelection:
         A new selection over an existing store counts some keyframes in each call, the oldest first. If too
         many are kept it counts all at once, as only counted keyframes can retire.
         """
-        most = store.most_kept
+        most = store.room.most_kept
         kept = store.kept()
-        spare = max(1, min(8, most // 4), store.wanted)
+        spare = max(1, min(8, most // 4), store.room.wanted)
         ring = min(self._config.recent, max(2, most // 2))
         older = kept[kept < store.count - ring]
         if self._judged is None:

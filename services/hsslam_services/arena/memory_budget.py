@@ -43,10 +43,10 @@ class MemoryBudget:
 
     def apply(self, store: KeyframeStore) -> str | None:
         """Set the store's limit by the memory; returns a notice for the user, or None."""
-        fewest = min(_FEWEST, store.capacity)
+        fewest = min(_FEWEST, store.room.capacity)
         if self._calls % _LOOK_EVERY == 0:
             self._room = self._measured(store)
-            store.allow(max(self._room.keyframes, fewest))
+            store.room.allow(max(self._room.keyframes, fewest))
         self._calls += 1
         limit, room, others_mb = self._room
         if room < fewest and not self._is_short:
@@ -56,7 +56,7 @@ class MemoryBudget:
                 f"{max(room, 0)} keyframes: the run keeps {fewest} and exceeds the limit, and the mesh loses "
                 "what the other keyframes showed"
             )
-        kept, most = len(store.kept()), store.most_kept
+        kept, most = len(store.kept()), store.room.most_kept
         if self._is_reported or kept < _SCARCE * most:
             return None
         self._is_reported = True
@@ -74,7 +74,7 @@ class MemoryBudget:
         limits = {
             f"--memory-gb {self._memory_gb:g}": _FULL * 1e9 * self._memory_gb - others,
             f"{self._folder.parent} of {total / 1e6:.0f} MB": pixels + free - _LEFT_FREE * total,
-            "keyframes.capacity": store.capacity * store.pixel_bytes,
+            "keyframes.capacity": store.room.capacity * store.pixel_bytes,
         }
         limit = min(limits, key=limits.__getitem__)
         return _Room(limit, int(limits[limit]) // store.pixel_bytes, round(others / 1e6))

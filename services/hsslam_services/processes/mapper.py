@@ -163,8 +163,8 @@ class _MapperLoop:
         store = self._link.store()
         if store is None or self._mapper is None:
             return
-        if store.refused > self._refused or store.lacks_room():
-            self._refused = store.refused
+        if store.room.refused > self._refused or store.room.is_short():
+            self._refused = store.room.refused
             self._select(store)
 
     def _select(self, store: KeyframeStore) -> None:

@@ -96,7 +96,7 @@ class TrackingEvents:
     def _report_room(self) -> None:
         """Report once that the store is full and tracking goes on with the keyframes so far."""
         store = self._link.store()
-        refused = store.refused if store is not None else 0
+        refused = store.room.refused if store is not None else 0
         if refused and not self._worker.counters.get("keyframes without room", 0):
             self._worker.event(
                 "warning",
@@ -108,11 +108,11 @@ class TrackingEvents:
     def _report_wait(self, result: TrackResult) -> None:
         """Report once for each fragment that has met the map that it waits for room."""
         store = self._link.store()
-        if store is None or not store.wanted or result.fragment <= self._waiting:
+        if store is None or not store.room.wanted or result.fragment <= self._waiting:
             return
         self._waiting = result.fragment
         text = (
-            f"fragment {result.fragment} waits until the map has room for {store.wanted} keyframes: "
+            f"fragment {result.fragment} waits until the map has room for {store.room.wanted} keyframes: "
             "the mapper removes redundant ones"
         )
         self._worker.event("info", text)

@@ -15,13 +15,13 @@ def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
     first = room_frames()[0]
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 4)
     store.append(first, np.eye(4))
-    store.allow(1)
+    store.room.allow(1)
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
     joining = Joining(fragment, store, np.eye(4))
     assert [joining.step() for _ in range(4)] == [None] * 4
     assert joining.finish() is None and store.count == 1
-    store.allow(4)
+    store.room.allow(4)
     assert joining.finish() is not None and store.count == 2
 
 
@@ -99,12 +99,12 @@ def test_a_fragment_waits_until_the_mapper_has_made_room_for_it():
         fragment.store.append(frames[k], poses[k])
     joining = Joining(fragment, store, np.eye(4))
     assert joining.step() is None and joining.step() is None
-    assert store.lacks_room() and store.free < store.wanted == 4
+    assert store.room.is_short() and store.room.free < store.room.wanted == 4
     selection.select(store)
     before = store.count
     joined = next(filter(None, (joining.step() for _ in range(4))))
     assert store.count == before + 3 and set(joined.keyframes) == set(range(before, before + 3))
-    assert not store.wanted and store.has_room()
+    assert not store.room.wanted and store.has_room()
 
 
 def test_a_fragment_that_does_not_come_wants_no_room():
@@ -115,9 +115,9 @@ def test_a_fragment_that_does_not_come_wants_no_room():
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
     joining = Joining(fragment, store, np.eye(4))
-    assert joining.step() is None and store.lacks_room()
+    assert joining.step() is None and store.room.is_short()
     joining.give_up()
-    assert not store.lacks_room()
-    assert joining.step() is None and store.lacks_room()
+    assert not store.room.is_short()
+    assert joining.step() is None and store.room.is_short()
     store.forget_incomplete()  # its tracker has died
-    assert not store.lacks_room()
+    assert not store.room.is_short()

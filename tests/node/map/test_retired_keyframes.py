@@ -133,18 +133,18 @@ def test_a_tracker_that_died_between_slot_and_count_is_followed_by_another():
 
 def test_full_memory_is_answered_with_slots_of_retired_ones():
     store = _store(SLAB_KEYFRAMES, FullMemory())
-    assert not store.has_room() and store.refused == 1
+    assert not store.has_room() and store.room.refused == 1
     with pytest.raises(OutOfMemoryError, match=r"keyframe_color\.001"):
         store.append(_frame(8), _pose(8))
     store.retire(4, 0)
-    assert store.has_room() and store.refused == 1
+    assert store.has_room() and store.room.refused == 1
     assert store.append(_frame(8), _pose(8)) == 8 and _shown(store, 8) == 8
 
 
 def test_no_more_are_kept_than_allowed():
     store = _store(8, MemoryAllocator())
-    store.allow(9)
-    assert store.has_room() and store.most_kept == 9
+    store.room.allow(9)
+    assert store.has_room() and store.room.most_kept == 9
     store.append(_frame(8), _pose(8))
     assert not store.has_room()
     with pytest.raises(UserError, match=r"keyframes\.capacity"):
@@ -178,7 +178,7 @@ class FullRows(MemoryAllocator):
 
 def test_without_memory_for_rows_there_is_no_room_and_no_error():
     store = _store(0, FullRows())
-    assert not store.has_room() and store.refused == 1 and store.count == 0
+    assert not store.has_room() and store.room.refused == 1 and store.count == 0
 
 
 def test_a_correction_waits_for_the_keyframe_that_is_being_appended():

@@ -89,7 +89,7 @@ def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
     run = Run(capacity=12)
     for _ in range(5):
         run.go()
-    assert run.store.count == 50 and run.most <= 12 and run.store.refused == 0
+    assert run.store.count == 50 and run.most <= 12 and run.store.room.refused == 0
     assert run.store.kept()[0] == 0
     spread = np.ptp(run.store.frame_indices()[run.store.kept()])
     assert spread >= 28  # of 36: the kept ones are not all of one place
@@ -98,7 +98,7 @@ def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
 def test_room_is_made_without_a_new_keyframe():
     run = Run()
     run.go()
-    run.store.allow(6)  # other arrays have grown
+    run.store.room.allow(6)  # other arrays have grown
     assert len(run.store.kept()) == len(VIEWS) and not run.store.has_room()
     assert run.selection.select(run.store) >= 5
     assert len(run.store.kept()) <= 5 and run.store.has_room()
@@ -122,7 +122,7 @@ def test_a_restarted_mapper_near_the_memory_limit_judges_none_anew():
         for k in (*VIEWS, *VIEWS, *VIEWS):  # as long as there is room, several show the same
             run.see(room_frames()[k], T @ room_poses()[k])
     kept = run.store.kept()
-    run.store.allow(len(kept) + 9)  # one more than those that are left free
+    run.store.room.allow(len(kept) + 9)  # one more than those that are left free
     run.selection = KeyframeSelection(CONFIG, 12.0)
     assert len(kept) > 50 and not any(run.selection.select(run.store) for _ in range(8))
     for _ in range(4):  # those that come are judged
@@ -161,7 +161,7 @@ def test_a_saved_map_that_is_too_large_loses_no_part_as_a_whole():
     for frame, T in zip(room_frames(), room_poses(), strict=True):
         run.store.append(frame, T)
     run.store.mark_inherited()
-    run.store.allow(len(room_frames()) // 2)
+    run.store.room.allow(len(room_frames()) // 2)
     while not run.store.has_room():
         assert run.selection.select(run.store)
     kept = run.store.kept()

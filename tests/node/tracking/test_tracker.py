@@ -148,7 +148,7 @@ def test_extrapolation_is_limited(gap_ns):
 def test_a_full_store_ends_nothing():
     store = _store(capacity=2)
     _, results = _tracked(store, room_frames()[:12])
-    assert all(map(_is_right, results[1:])) and store.count == 2 and store.refused > 0
+    assert all(map(_is_right, results[1:])) and store.count == 2 and store.room.refused > 0
 
 
 def test_a_camera_that_stands_still_adds_no_keyframe_until_it_moves():

@@ -63,7 +63,7 @@ def test_thinned_keyframes_give_their_memory_back_and_new_ones_get_it(tmp_path: 
 
 def test_no_slot_stays_ready_if_fewer_may_have_memory(tmp_path: Path):
     store = _store(Arena(tmp_path), 40)
-    store.allow(22)
+    store.room.allow(22)
     for k in range(1, 31):
         store.retire(k, 0)
     for k in range(40, 60):

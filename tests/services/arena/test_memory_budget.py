@@ -55,20 +55,20 @@ def _pixels() -> tuple[np.ndarray, np.ndarray]:
 def test_what_other_arrays_take_is_not_for_keyframes(arena):
     store = _store(arena, 3)
     assert MemoryBudget(arena.folder, 0.2).apply(store) is None
-    before = store.most_kept
+    before = store.room.most_kept
     assert 0.8 * 0.19e9 / BYTES < before <= 0.19e9 / BYTES
     arena.create("field", (50_000_000,), np.uint8)
     MemoryBudget(arena.folder, 0.2).apply(store)
-    assert before - store.most_kept == pytest.approx(50e6 / BYTES, abs=1)
+    assert before - store.room.most_kept == pytest.approx(50e6 / BYTES, abs=1)
 
 
 def test_what_the_run_has_beside_its_arena_is_not_for_keyframes_either(arena):
     store = _store(arena, 3)
     MemoryBudget(arena.folder, 0.2).apply(store)
-    before = store.most_kept
+    before = store.room.most_kept
     (arena.folder / "note").write_bytes(bytes(10_000_000))  # no array
     MemoryBudget(arena.folder, 0.2, lambda: 20_000_000).apply(store)
-    assert before - store.most_kept == pytest.approx(30e6 / BYTES, abs=1)
+    assert before - store.room.most_kept == pytest.approx(30e6 / BYTES, abs=1)
 
 
 def test_scarcity_is_told_once(arena):
@@ -76,7 +76,7 @@ def test_scarcity_is_told_once(arena):
     budget = MemoryBudget(arena.folder, 0.025)  # of which pose rows and table take a little
     told = budget.apply(store)
     assert told is not None and "--memory-gb 0.025" in told and "keeps 16 keyframes" in told
-    assert budget.apply(store) is None and store.most_kept <= 16
+    assert budget.apply(store) is None and store.room.most_kept <= 16
 
 
 def test_a_limit_below_what_the_map_takes_is_told_once(arena):
@@ -87,19 +87,19 @@ def test_a_limit_below_what_the_map_takes_is_told_once(arena):
     told = budget.apply(store)
     assert told is not None and "--memory-gb 0.05 is too little" in told
     assert "leaves room for 0 keyframes: the run keeps 12 and exceeds the limit" in told
-    assert budget.apply(store) is None and store.most_kept == 12
+    assert budget.apply(store) is None and store.room.most_kept == 12
 
 
 def test_capacity_counts_as_well(arena):
     store = _store(arena, 9, capacity=12)
     told = MemoryBudget(arena.folder, 2.0).apply(store)
-    assert store.most_kept == 12 and told is not None and "keyframes.capacity" in told
+    assert store.room.most_kept == 12 and told is not None and "keyframes.capacity" in told
 
 
 def test_so_does_what_the_system_has_left(arena, nearly_full):
     store = _store(arena, 3)
     MemoryBudget(arena.folder, 2.0).apply(store)
-    assert store.most_kept == (8 * BYTES + 16e6 - 6.4e6) // BYTES
+    assert store.room.most_kept == (8 * BYTES + 16e6 - 6.4e6) // BYTES
 
 
 def test_what_was_given_back_to_the_system_counts_once(arena, nearly_full):
@@ -111,4 +111,4 @@ def test_what_was_given_back_to_the_system_counts_once(arena, nearly_full):
         store.append(Frame(k, k, CAMERA, *_pixels(), 1000.0), np.eye(4))
     MemoryBudget(arena.folder, 2.0).apply(store)
     least = (len(store.kept()) * BYTES + 16e6 - 6.4e6) // BYTES
-    assert least <= store.most_kept <= least + 8  # slots that stay ready
+    assert least <= store.room.most_kept <= least + 8  # slots that stay ready

@@ -55,7 +55,7 @@ def test_the_mapper_makes_room_for_a_fragment_that_waits(make_run: Callable[...,
     with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
         loop = mapper._MapperLoop(worker)
         loop.make_room()
-        assert store.free == 3
-        store.want(4)
+        assert store.room.free == 3
+        store.room.want(4)
         loop.make_room()
-    assert store.free == 4
+    assert store.room.free == 4
