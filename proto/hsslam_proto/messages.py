@@ -203,7 +203,8 @@ class Pose(Message, frozen=True, kw_only=True):
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
-    """A frame has become keyframe `id`; its pixels are in the arena.
+    """A frame has become keyframe `id`; its pixels are in the arena. A `Correction` of it, which another
+    process sends, may come before.
 
     `fragment`: number of the fragment that the keyframe came from; 0: none. `t_in_fragment`, `q_in_fragment`:
     its pose in that fragment. It replaces the fragment's keyframes from number `fragment_keyframe` up to

@@ -86,7 +86,8 @@ class _Found:
             self.waiting.setdefault(pose.keyframe, []).append(pose)
 
     def add_keyframe(self, keyframe: messages.Keyframe) -> None:
-        self.keyframes[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
+        # a correction of it, from another process, may have come before
+        self.keyframes.setdefault(keyframe.id, pose_matrix([*keyframe.t, *keyframe.q]))
         self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
         if keyframe.fragment and keyframe.fragment_keyframe >= 0:  # -1 in older logs
             of_fragment = self.brought.setdefault(keyframe.fragment, {})

@@ -74,7 +74,8 @@ class RerunScene:
                 self._set_time(message.index, message.stamp_ns)
                 self._poses.add(message)
             case messages.Keyframe():
-                self._place_keyframes([(message.id, (message.t, message.q))])
+                if self._position(message.id) is None:  # else a correction of it came before
+                    self._place_keyframes([(message.id, (message.t, message.q))])
                 self._poses.add_keyframe(message)
             case messages.Correction():
                 moved = zip(message.t, message.q, strict=True)

@@ -54,6 +54,24 @@ def test_frames_follow_a_keyframe_of_a_saved_map(tmp_path):
     assert found.keyframes.positions.tolist() == [[_NEW, 0, 0]]  # the run's own
 
 
+def test_a_correction_counts_though_it_comes_before_its_keyframe(tmp_path):
+    """As the tracker announces a keyframe that the mapper has just moved."""
+    log = PartedLog(tmp_path, "r", LogSettings())
+    moved = messages.Correction(
+        pose_version=1, base_version=0, keyframes=[_NEW], t=[(0.0, 7.0, 0.0)], q=[_AT_REST],
+        loss_before=2.0, loss_after=1.0,
+    )  # fmt: skip
+    beside = [1.0, 0.0, 0.0, *_AT_REST]
+    of_it = msgspec.structs.replace(pose(0), keyframe=_NEW, in_keyframe=beside)
+    written = ((topics.POSE, of_it), (topics.CORRECTION, moved), (topics.KEYFRAME, keyframe(_NEW)))
+    for topic, message in written:
+        log.write(topic, encode(topic, message), 1, 1, 1)
+    log.close()
+    found = logged_poses([tmp_path / "run.mcap"])
+    assert found.final.positions.tolist() == [[1.0, 7.0, 0.0]]
+    assert found.keyframes.positions.tolist() == [[0.0, 7.0, 0.0]]
+
+
 def test_an_older_log_is_read_as_far_as_it_tells(tmp_path):
     """Frames of before the first correction stay as published."""
     found = _logged(tmp_path, tells_in_keyframe=False)

@@ -19,7 +19,7 @@ from hsslam_services.viewer.path import RerunPath
 from hsslam_services.viewer.path_line import colored_strips, quality_color
 from hsslam_services.viewer.scene import RerunScene
 from tests.services.recorded import rrd
-from tests.services.wire_samples import keyframe, pose
+from tests.services.wire_samples import frame, keyframe, pose
 
 _RED, _BLUE = (255, 0, 0), (0, 0, 255)
 _AT_REST = (0.0, 0.0, 0.0, 1.0)
@@ -81,6 +81,16 @@ def test_what_was_tracked_from_a_corrected_keyframe_moves_and_no_more(tmp_path):
     np.testing.assert_allclose(lines["trajectory/0"], moved[:4], atol=1e-6)
     np.testing.assert_allclose(lines["trajectory/1"], [moved[5], [6, 0, 0], [7, 0, 0]], atol=1e-6)
     np.testing.assert_allclose(lines["lost/0"], [moved[3], moved[5]], atol=1e-6)
+
+
+def test_a_keyframe_is_drawn_where_a_correction_put_it_that_came_before(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        scene = RerunScene(stream, poses_every_s=0.0)
+        scene.draw(frame(0))
+        scene.draw(_moved(1, (0.0, 7.0, 0.0)))
+        scene.draw(keyframe(1))
+        scene.finish()
+    np.testing.assert_allclose(_lines(tmp_path / "path.rrd")["keyframes/0"][0], [0, 7, 0])
 
 
 def test_a_fragment_that_joins_the_map_is_drawn_where_it_lies(tmp_path):
