@@ -112,7 +112,8 @@ def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
     frames = open_it(options).frame_count or len(truth.stamps_ns)
     every = max(CULL_EVERY, -(-frames // MOST_GIVEN))
     exact = EveryNth.of_run(open_it, replace(options, noise="none"), every)
-    pairs = _together(exact, EveryNth.of_run(open_it, options, every))
+    is_exact = options.noise == "none"
+    pairs = _together(exact, None if is_exact else EveryNth.of_run(open_it, options, every))
     camera = exact.source.camera.undistorted()
     depths_m = np.empty((-(-frames // every), camera.height_px, camera.width_px), np.float32)
     poses: list[np.ndarray] = []
@@ -146,7 +147,11 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def _together(exact: Iterable[object], measured: Iterable[object]) -> Iterator[tuple[Frame, Frame]]:
-    for a, b in zip(exact, measured, strict=True):
+def _together(
+    exact: Iterable[object], measured: Iterable[object] | None
+) -> Iterator[tuple[Frame, Frame]]:
+    """The frames of two sources that both have; `measured` None: it has the same frames."""
+    pairs = ((a, a) for a in exact) if measured is None else zip(exact, measured, strict=True)
+    for a, b in pairs:
         if isinstance(a, Frame) and isinstance(b, Frame):
             yield a, b

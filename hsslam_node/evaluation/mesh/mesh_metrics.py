@@ -68,7 +68,10 @@ def compare_meshes(
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Points on a mesh and the triangles that they lie on."""
+    """Points on a mesh and the triangles that they lie on, in the order of these.
+
+    So neighbours mostly follow each other, and whoever looks for what is near them finds it in the cache.
+    """
 
     points: np.ndarray  # [N, 3] m
     faces: np.ndarray  # [N] rows of the mesh's faces
@@ -83,18 +86,23 @@ def sample_surface(
     cumulative = np.cumsum(_areas(vertices, triangles))
     points, faces, found = [np.empty((0, 3))], [np.empty(0, np.int64)], 0
     for _ in range(_MOST_DRAWS if len(triangles) and cumulative[-1] > 0 else 0):
-        rows = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
+        at = rng.random(count) * cumulative[-1]
+        order = np.argsort(at)
+        rows = np.searchsorted(cumulative, at[order], side="right")
         rows = np.minimum(rows, len(triangles) - 1)
         chosen = vertices[triangles[rows]]  # [count, 3, 3]
-        a, b = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+        a, b = np.sqrt(rng.random((count, 1)))[order], rng.random((count, 1))[order]
         drawn = (1 - a) * chosen[:, 0] + a * (1 - b) * chosen[:, 1] + a * b * chosen[:, 2]
         seen = views.observed(drawn) if views else np.ones(count, bool)
-        points.append(drawn[seen])
-        faces.append(rows[seen])
+        as_drawn = np.argsort(order[seen])  # so that the first `count` are a fair choice
+        points.append(drawn[seen][as_drawn])
+        faces.append(rows[seen][as_drawn])
         found += int(seen.sum())
         if found >= count or not found:
             break
-    return SurfaceSamples(np.concatenate(points)[:count], np.concatenate(faces)[:count])
+    kept_points, kept_faces = np.concatenate(points)[:count], np.concatenate(faces)[:count]
+    by_face = np.argsort(kept_faces, kind="stable")
+    return SurfaceSamples(kept_points[by_face], kept_faces[by_face])
 
 
 def _areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

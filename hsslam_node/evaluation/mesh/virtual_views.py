@@ -1,6 +1,7 @@
 """Virtual views of what cameras saw, from other places: random by seed, from the truth alone."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import igl
@@ -38,10 +39,12 @@ def virtual_views(
     surface = chunked_mesh(truth.vertices, truth.faces)
     candidates = _candidates(surface, views.T_world_cam, rng, _MOST_TRIES * count)
     reach_m = float(views.depths_m.max(initial=0.0))
+    thin = _of_every_nth_pixel(camera)  # most candidates are refused by few pixels
     found, in_vain = 0, 0
     for T in candidates:
-        depth = view_of(surface, camera, T, reach_m)
-        if _is_good(depth, camera, T, views):
+        is_good = _shows_observed(view_of(surface, thin, T, reach_m), thin, T, views)
+        depth = view_of(surface, camera, T, reach_m) if is_good else None
+        if depth is not None and depth[depth > 0].min() >= _NEAREST_M:
             yield T, depth
             found, in_vain = found + 1, 0
         else:
@@ -55,6 +58,20 @@ def view_of(surface: ChunkedMesh, camera: Camera, T: np.ndarray, reach_m: float)
     depth, _ = render_depth(surface, camera, T)
     depth[depth > reach_m] = 0.0
     return depth
+
+
+def _of_every_nth_pixel(camera: Camera) -> Camera:
+    """The camera of the pixels that are checked, one of 4 x 4, which look along the same rays."""
+    first, step = _STEP_PX // 2, _STEP_PX
+    return replace(
+        camera,
+        width_px=len(range(first, camera.width_px, step)),
+        height_px=len(range(first, camera.height_px, step)),
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=(camera.cx - first) / step,
+        cy=(camera.cy - first) / step,
+    )
 
 
 def _candidates(
@@ -77,15 +94,12 @@ def _in_ball(rng: np.random.Generator) -> np.ndarray:
     return direction / np.linalg.norm(direction) * np.cbrt(rng.random())
 
 
-def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> bool:
-    thin = np.zeros_like(depth)
-    rows = slice(_STEP_PX // 2, None, _STEP_PX)
-    thin[rows, rows] = depth[rows, rows]
-    if (thin > 0).sum() < LEAST_FILLED * thin[rows, rows].size or depth[
-        depth > 0
-    ].min() < _NEAREST_M:
+def _shows_observed(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> bool:
+    """Whether enough of the pixels [H, W] m show anything, none of it too near, and what a camera saw."""
+    filled = depth[depth > 0]
+    if len(filled) < LEAST_FILLED * depth.size or filled.min() < _NEAREST_M:
         return False
-    return views.observed(world_points(thin, camera, T)).mean() >= LEAST_OBSERVED
+    return views.observed(world_points(depth, camera, T)).mean() >= LEAST_OBSERVED
 
 
 class _Walls:

@@ -1,6 +1,7 @@
 """Which part of a surface a set of depth cameras saw."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -40,12 +41,17 @@ class Views:
         return self._seen(points, True)
 
     def _seen(self, points: np.ndarray, through_walls: bool) -> np.ndarray:
-        T_cam_world = np.array([inverse(T) for T in self.T_world_cam]).reshape(-1, 4, 4)
         c = self.camera
         intrinsics = np.array([c.fx, c.fy, c.cx, c.cy])
         points = np.ascontiguousarray(points, np.float64)
         tolerance_m = self.tolerance_m
-        return _seen(points, T_cam_world, self.depths_m, intrinsics, tolerance_m, through_walls)
+        return _seen(
+            points, self._T_cam_world, self.depths_m, intrinsics, tolerance_m, through_walls
+        )
+
+    @cached_property
+    def _T_cam_world(self) -> np.ndarray:
+        return np.array([inverse(T) for T in self.T_world_cam]).reshape(-1, 4, 4)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

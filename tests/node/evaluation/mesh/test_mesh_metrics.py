@@ -109,3 +109,22 @@ def test_an_empty_mesh_scores_nothing():
     metrics = compare_meshes(trimesh.Trimesh(), plane(0), samples=100)
     assert (metrics.completion_ratio_5cm, metrics.samples) == (0.0, 0)
     assert np.isnan(metrics.accuracy_mean_m)
+
+
+class _Half:
+    """Sees a random half of what it is asked for."""
+
+    def observed(self, points: np.ndarray) -> np.ndarray:
+        return np.random.default_rng(0).random(len(points)) < 0.5
+
+
+def test_samples_lie_on_all_faces_alike_in_the_order_of_the_faces():
+    """Also if the last of several draws is cut short."""
+    strips = [plane(z) for z in range(5)]
+    surface = trimesh.util.concatenate(strips)  # ten faces of one area
+    samples = sample_surface(surface, 20_000, 0, _Half())
+    assert (np.diff(samples.faces) >= 0).all()
+    np.testing.assert_allclose(np.bincount(samples.faces, minlength=10), 2000, atol=200)
+    np.testing.assert_allclose(samples.points[:, 2], samples.faces // 2, atol=1e-12)
+    again = sample_surface(surface, 20_000, 0, _Half())
+    np.testing.assert_array_equal(samples.points, again.points)
