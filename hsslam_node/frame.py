@@ -1,6 +1,6 @@
 """One RGB-D frame, which a source yields and the tracker gets. It has no ground truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 import numpy as np
@@ -64,6 +64,11 @@ class Frame:
         object.__setattr__(self, "index", int(self.index))
         object.__setattr__(self, "stamp_ns", int(stamp_ns))
         object.__setattr__(self, "depth_units_per_m", float(units_per_m))
+
+    def copied(self) -> "Frame":
+        """The same frame with images of its own, row by row in memory, as kernels are compiled for."""
+        color, depth_raw = (np.array(image, order="C") for image in (self.color, self.depth_raw))
+        return replace(self, color=color, depth_raw=depth_raw)
 
     def depth_m(self) -> np.ndarray:
         """Planar depth, [H, W] float32 m, 0 = no measurement."""

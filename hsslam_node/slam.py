@@ -137,8 +137,11 @@ class Slam:
             self._mapper.publish()
 
     def process(self, frame: Frame) -> TrackResult:
-        """Track one frame, then map: many iterations after the first, a few after each keyframe."""
-        result = self._process(frame)
+        """Track one frame, then map: many iterations after the first, a few after each keyframe.
+
+        Its images are copied, so a camera may write the next ones into the same arrays.
+        """
+        result = self._process(frame.copied())
         at_ns = frame.stamp_ns
         row = result.log_row(source_stamp_ns=at_ns, stamp_ns=at_ns, publish_ns=at_ns)
         self._path.add(row, self.store, result.T_expected, is_carried=result.is_carried)

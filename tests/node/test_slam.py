@@ -90,10 +90,15 @@ def test_bundle_adjustment_takes_part():
 
 
 def test_one_seed_gives_the_same_run_to_the_bit():
+    """Also if the camera writes all images into the same arrays, however these lie in memory."""
     slam, results = _run(0)
     again = Slam(CONFIG, 0)
+    first = room_frames()[0]
+    color, depth_raw = (np.array(image, order="F") for image in (first.color, first.depth_raw))
     for result, frame in zip(results, room_frames(), strict=True):
-        np.testing.assert_array_equal(again.process(frame).T_world_cam, result.T_world_cam)
+        color[:], depth_raw[:] = frame.color, frame.depth_raw
+        found = again.process(replace(frame, color=color, depth_raw=depth_raw))
+        np.testing.assert_array_equal(found.T_world_cam, result.T_world_cam)
     assert slam.parameters and again.parameters and slam.store and again.store
     np.testing.assert_array_equal(again.parameters.params, slam.parameters.params)
     np.testing.assert_array_equal(again.store.poses(), slam.store.poses())
