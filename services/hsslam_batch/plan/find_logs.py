@@ -14,7 +14,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source_row import SourceRow
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.log.parts import is_part, parts
+from hsslam_services.log.parts import is_part, parts, recovered_from
 from hsslam_services.log.reader import log_reader
 from hsslam_services.run.source_table import ALL_SOURCES
 
@@ -24,8 +24,9 @@ _LOG = "mcap"
 def find_logs(listing: Listing) -> list[Log]:
     """All logs of a listing, by name, with `frames` 0; opens no file.
 
-    If a folder is a log (a run folder, a sequence), the files in it are not. A log whose path is not UTF-8 is
-    left out with a warning, since neither manifest nor run can name it.
+    If a folder is a log (a run folder, a sequence), the files in it are not. With a warning are left out: a
+    log whose path is not UTF-8, since neither manifest nor run can name it, and the damaged original of a
+    recovered log.
 
     Raises:
         UserError: there are no logs.
@@ -35,6 +36,9 @@ def find_logs(listing: Listing) -> list[Log]:
         place = f"{listing.root}/{path}".rstrip("/")
         if not is_utf8(place):
             print(f"warning: {place!r}: left out: expected a path in UTF-8", file=sys.stderr)
+            continue
+        if (recovered := _recovered_from(listing, path)) is not None:
+            print(f"warning: {place}: left out: the original of {recovered}", file=sys.stderr)
             continue
         stamp = listing.stamp(log_files(listing, path, kind), path)
         name = path or Path(listing.root).name
@@ -100,6 +104,13 @@ def _logs_below(listing: Listing, path: str) -> Iterator[tuple[str, str]]:
         return
     for name in listing.names(path):
         yield from _logs_below(listing, f"{path}/{name}" if path else name)
+
+
+def _recovered_from(listing: Listing, path: str) -> str | None:
+    """The recovered log of which a file is the damaged original; None if there is none beside it."""
+    folder, slash, name = path.rpartition("/")
+    recovered = recovered_from(name)
+    return recovered if recovered and f"{folder}{slash}{recovered}" in listing.files else None
 
 
 def _recorded_sources() -> Iterator[SourceRow]:

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 _PART = re.compile(r"run(?:\.(\d+))?\.mcap")
+_DAMAGED = re.compile(r"(.+)\.damaged(?:-\d+)?(\.mcap)")
 
 
 def parts(run_dir: Path) -> list[Path]:
@@ -15,6 +16,21 @@ def parts(run_dir: Path) -> list[Path]:
 def is_part(name: str) -> bool:
     """Whether this is the name of a part of a log."""
     return _PART.fullmatch(name) is not None
+
+
+def for_damaged(path: Path) -> Path:
+    """The path beside a damaged log that its original takes when it is recovered: NAME.damaged.mcap."""
+    name, number = f"{path.stem}.damaged{path.suffix}", 1
+    while path.with_name(name).exists():
+        number += 1
+        name = f"{path.stem}.damaged-{number}{path.suffix}"
+    return path.with_name(name)
+
+
+def recovered_from(name: str) -> str | None:
+    """The name of the log that was recovered from a damaged original of this name; None: it is none."""
+    match = _DAMAGED.fullmatch(name)
+    return match and "".join(match.groups())
 
 
 def next_part(run_dir: Path) -> Path:

@@ -16,6 +16,7 @@ from hsslam_node.durable_file import sync_folder
 from hsslam_node.errors import UserError
 from hsslam_services.log.channel_copies import CHANNELS, LIBRARY, RUN_METADATA
 from hsslam_services.log.file_index import FileIndex, is_finished
+from hsslam_services.log.parts import for_damaged
 from hsslam_services.log.whole_records import (
     MAGIC,
     TORN,
@@ -216,7 +217,7 @@ def _copied(stream: IO[bytes], path: Path, survey: _Survey) -> Recovered:
             counts = _copy(stream, survey, out)
             out.flush()
             os.fsync(out.fileno())
-        original = _name_for_original(path)
+        original = for_damaged(path)
         try:
             original.hardlink_to(path)
         except OSError:  # a file system without links
@@ -243,11 +244,3 @@ def _copy(stream: IO[bytes], survey: _Survey, out: IO[bytes]) -> dict[str, int]:
     index.stand_in()
     out.write(index.end(out.tell()))
     return index.counts
-
-
-def _name_for_original(path: Path) -> Path:
-    name, number = f"{path.stem}.damaged{path.suffix}", 1
-    while path.with_name(name).exists():
-        number += 1
-        name = f"{path.stem}.damaged-{number}{path.suffix}"
-    return path.with_name(name)

@@ -49,6 +49,18 @@ def test_logs_and_sequences_of_all_kinds_are_found_once(recordings: Path):
     assert found[0].nbytes == sum(parts)  # the mesh beside them is none of it
 
 
+def test_the_original_of_a_recovered_log_is_no_log(recordings: Path, capsys):
+    loose = recordings / "loose.mcap"
+    for damaged in ("loose.damaged.mcap", "loose.damaged-2.mcap", "other.damaged.mcap"):
+        shutil.copy(loose, recordings / damaged)
+    names = [log.name for log in _found(recordings, without=recordings / "batch")]
+    assert names == ["day1/walk", "day2/desk", "day2/room", "loose.mcap", "other.damaged.mcap"]
+    assert capsys.readouterr().err.splitlines() == [
+        f"warning: {recordings / damaged}: left out: the original of loose.mcap"
+        for damaged in ("loose.damaged-2.mcap", "loose.damaged.mcap")
+    ]
+
+
 def test_a_log_alone_and_a_folder_that_is_a_log(recordings: Path):
     (alone,) = _found(recordings / "loose.mcap")
     assert (alone.name, alone.place) == ("loose.mcap", str(recordings / "loose.mcap"))
