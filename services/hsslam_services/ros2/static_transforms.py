@@ -17,6 +17,8 @@ class StaticTransforms:
 
     def __init__(self) -> None:
         self._to_parent: dict[str, tuple[str, np.ndarray]] = {}  # by child: parent, T_parent_child
+        # answers since the last transform came; an IMU asks a thousand times a second
+        self._known: dict[tuple[str, str], np.ndarray | None] = {}
 
     def take(self, message: Any) -> None:
         """Take a `TFMessage`, decoded by rosbags.
@@ -35,10 +37,16 @@ class StaticTransforms:
                     f"{TOPIC}: {parent} to {child}: {text}: expected x y z and a unit quaternion"
                 )
             self._to_parent[child] = parent, transform(place, turn)
+            self._known.clear()
 
     def between(self, target: str, source: str) -> np.ndarray | None:
         """T_target_source, [4, 4]: the pose of a frame in another; None if no transforms connect the two."""
-        target, source = _name(target), _name(source)
+        ends = _name(target), _name(source)
+        if ends not in self._known:
+            self._known[ends] = self._searched(*ends)
+        return self._known[ends]
+
+    def _searched(self, target: str, source: str) -> np.ndarray | None:
         found, waiting = {source: np.eye(4)}, deque([source])  # T_frame_source
         while waiting:
             frame = waiting.popleft()
