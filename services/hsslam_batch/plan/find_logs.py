@@ -14,6 +14,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source_row import SourceRow
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.artefacts.replaced_results import EARLIER
 from hsslam_services.log.parts import is_part, parts, recovered_from
 from hsslam_services.log.reader import log_reader
 from hsslam_services.run.source_table import ALL_SOURCES
@@ -25,8 +26,8 @@ def find_logs(listing: Listing) -> list[Log]:
     """All logs of a listing, by name, with `frames` 0; opens no file.
 
     If a folder is a log (a run folder, a sequence), the files in it are not. With a warning are left out: a
-    log whose path is not UTF-8, since neither manifest nor run can name it, and the damaged original of a
-    recovered log.
+    log whose path is not UTF-8, since neither manifest nor run can name it, the damaged original of a
+    recovered log, and logs in a run folder that are of another run.
 
     Raises:
         UserError: there are no logs.
@@ -40,6 +41,13 @@ def find_logs(listing: Listing) -> list[Log]:
         if (recovered := _recovered_from(listing, path)) is not None:
             print(f"warning: {place}: left out: the original of {recovered}", file=sys.stderr)
             continue
+        if kind == _LOG and (others := list(_others_in(listing, path))):
+            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+            print(
+                f"warning: {place}: left out {others[0]}{more}: the folder is one log, as it has a run.mcap: "
+                "expected each run in a folder of its own",
+                file=sys.stderr,
+            )
         stamp = listing.stamp(log_files(listing, path, kind), path)
         name = path or Path(listing.root).name
         found.append(
@@ -111,6 +119,14 @@ def _recovered_from(listing: Listing, path: str) -> str | None:
     folder, slash, name = path.rpartition("/")
     recovered = recovered_from(name)
     return recovered if recovered and f"{folder}{slash}{recovered}" in listing.files else None
+
+
+def _others_in(listing: Listing, folder: str) -> Iterator[str]:
+    """Paths of logs in a run folder that are neither parts of its log nor results of an earlier run."""
+    for name in listing.names(folder):
+        if name.startswith(EARLIER) or is_part(name) or recovered_from(name):
+            continue
+        yield from (other for other, _ in _logs_below(listing, f"{folder}/{name}".lstrip("/")))
 
 
 def _recorded_sources() -> Iterator[SourceRow]:

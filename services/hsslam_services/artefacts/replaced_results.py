@@ -20,6 +20,7 @@ _FILES = (
     "run.json",
     "config.toml",
 )
+EARLIER = "earlier"  # folder of results that are kept; further ones have names that begin so
 _LOGS = "logs"
 _PARTIAL = ".*.partial*"  # incomplete files
 _FOLDER = ".replaced"
@@ -65,10 +66,10 @@ class ReplacedResults:
             self.remove()
             return ""
         arena_dir: Path | None = None
-        name = "earlier"
+        name = EARLIER
         with contextlib.suppress(UserError):  # run.json of another version
             run = RunInfo.read(self._aside)
-            name, arena_dir = f"earlier-{run.run_id}", Path(run.arena_dir)
+            name, arena_dir = f"{EARLIER}-{run.run_id}", Path(run.arena_dir)
         kept = self._free_folder(name)
         _move(self._aside, kept)
         self._aside.rmdir()

@@ -61,6 +61,21 @@ def test_the_original_of_a_recovered_log_is_no_log(recordings: Path, capsys):
     ]
 
 
+def test_logs_in_a_run_folder_are_left_out_with_a_warning(recordings: Path, capsys):
+    """But for those of an earlier run, which the service keeps there."""
+    walk = recordings / "day1" / "walk"
+    shutil.copytree(walk, walk / "earlier")
+    assert [log.name for log in _found(recordings / "day1")] == ["walk"]
+    assert capsys.readouterr().err == ""
+    shutil.copy(recordings / "loose.mcap", walk / "desk.mcap")
+    shutil.copytree(recordings / "day2" / "desk", walk / "more" / "desk")
+    assert [log.name for log in _found(recordings / "day1")] == ["walk"]
+    assert capsys.readouterr().err == (
+        f"warning: {walk}: left out walk/desk.mcap and 1 more: the folder is one log, as it has a run.mcap: "
+        "expected each run in a folder of its own\n"
+    )
+
+
 def test_a_log_alone_and_a_folder_that_is_a_log(recordings: Path):
     (alone,) = _found(recordings / "loose.mcap")
     assert (alone.name, alone.place) == ("loose.mcap", str(recordings / "loose.mcap"))
