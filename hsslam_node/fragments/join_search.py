@@ -34,7 +34,7 @@ class JoinSearch:
             return None
         found = self.collect()
         newest = self._fragment.store.count - 1
-        if newest > self._compared:
+        if found is None and newest > self._compared:
             self._compared, self._frames = newest, 0
             frame = self._fragment.store.frame(newest)
             self._pending = newest, self._places.compare(frame)

@@ -1,5 +1,6 @@
 """A camera that is lost and moves on: tracked beside the map, and joined to it where it has been before."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import cache
 
@@ -15,6 +16,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.tracking.open_tracker import FrameTracker
+from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import SMALL, pose_error, with_black
 
@@ -133,6 +135,22 @@ def _until_it_is_copied() -> tuple[FrameTracker, KeyframeStore, int]:
     for frame in _walk()[0][:end]:
         tracker.track(frame, None)
     return tracker, store, end
+
+
+def test_each_comparison_with_the_map_has_ended_before_a_fragment_is_copied(monkeypatch):
+    """A comparison reads the index of the map's keyframes in a thread."""
+    compare, begun, ended = Relocalisation.compare, [], []
+
+    def watched(places: Relocalisation, frame: Frame) -> Future[list[SeenAgain]]:
+        future = compare(places, frame)
+        begun.append(future)
+        result = future.result
+        monkeypatch.setattr(future, "result", lambda: (ended.append(future), result())[1])
+        return future
+
+    monkeypatch.setattr(Relocalisation, "compare", watched)
+    _until_it_is_copied()
+    assert begun and ended == begun
 
 
 def test_a_fragment_that_is_being_copied_when_the_camera_ends_joins_the_map():
