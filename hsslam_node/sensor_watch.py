@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 
-STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: messages out of order
+STEP_BACK_S = (
+    1.0  # a larger step back: the clock was set; a smaller one: perhaps messages out of order
+)
+_EARLY, _EARLY_S = 5, 0.1  # that follow each other, and their span: the clock was set after all
 _FRAMES = 30  # in a row without a reading
 _MOTIONS = 30  # before jumps are judged
 
@@ -47,3 +50,35 @@ class SensorWatch:
                 "too fast for a robot",
                 f": {self._jumps} of {_MOTIONS} motions count as jumps; expected metres and radians",
             )
+
+
+class StampOrder:
+    """Distinguishes messages out of order from a clock that was set back.
+
+    After a step back of at most 1 s, messages with stamps before the newest one are left out, until five or
+    more have followed each other for 0.1 s: then the clock was set.
+    """
+
+    def __init__(self) -> None:
+        self._early_ns: list[int] = []  # stamps of the early messages since the last one in order
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the last messages were early, so that those before them may have another time."""
+        return len(self._early_ns) > 1
+
+    def set_back_s(self, stamp_ns: int, newest_ns: int) -> float:
+        """Take the next message; returns by how much the clock was set back, s; 0: it was not."""
+        if stamp_ns > newest_ns:
+            self._early_ns.clear()
+            return 0.0
+        if self._early_ns and stamp_ns <= self._early_ns[-1]:
+            self._early_ns.clear()
+        self._early_ns.append(stamp_ns)
+        is_long = stamp_ns - self._early_ns[0] >= 1e9 * _EARLY_S
+        is_set = newest_ns - stamp_ns > 1e9 * STEP_BACK_S
+        if not is_set and not (is_long and len(self._early_ns) >= _EARLY):
+            return 0.0
+        back_ns = newest_ns - self._early_ns[0]
+        self._early_ns.clear()
+        return 1e-9 * back_ns

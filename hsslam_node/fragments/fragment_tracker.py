@@ -146,7 +146,7 @@ class FragmentTracker:
         if result.status != "lost":
             self._lost_ns = None
             return result
-        if self._lost_ns is None:
+        if self._lost_ns is None or frame.stamp_ns < self._lost_ns:  # or the clock was set back
             self._lost_ns, self._seeing_ns = frame.stamp_ns, None
         rest_ns = self._lost_ns + self._after_ns - frame.stamp_ns
         if rest_ns > 1e9 * _SEEING_S or self._begun >= MOST_FRAGMENTS:

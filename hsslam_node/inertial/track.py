@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import ImuReading
-from hsslam_node.sensor_watch import STEP_BACK_S, SensorWatch
+from hsslam_node.sensor_watch import SensorWatch, StampOrder
 
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
@@ -33,8 +33,8 @@ class ImuTrack:
     """Integrates angular velocity and specific force, and reads both at any stamp near the samples.
 
     Both are integrated by the trapezoidal rule, the force in axes that do not turn. After a gap of more than
-    0.1 s, and at a stamp more than 1 s before the newest, a new series begins. The newest sample holds for at
-    most 0.03 s.
+    0.1 s, and after the clock was set back (`StampOrder`), a new series begins. The newest sample holds for
+    at most 0.03 s.
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
@@ -50,11 +50,12 @@ class ImuTrack:
         self._R_cam_imu = T[:3, :3]
         self._lever_m = T[:3, 3]
         self._watch = SensorWatch() if watch is None else watch
+        self._order = StampOrder()
         self._newest_series: int | None = None
         self._states: deque[_State] = deque(maxlen=_KEPT)
 
     def add(self, stamp_ns: int, angular_velocity: np.ndarray, acceleration: np.ndarray) -> bool:
-        """Take a sample; False if its stamp is 0 to 1 s before the newest.
+        """Take a sample; False if it is left out, as its stamp is not after the newest.
 
         angular_velocity: [3] rad/s, axes of the IMU.
         acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
@@ -69,13 +70,12 @@ class ImuTrack:
                 f"expected at most {_FASTEST_RAD_S:g} and {_STRONGEST_M_S2:g}"
             )
         newest = self._states[-1] if self._states else None
-        back_s = -np.inf if newest is None else 1e-9 * (newest.stamp_ns - stamp_ns)
-        if 0 <= back_s <= STEP_BACK_S:
-            return False
-        if back_s > STEP_BACK_S:
+        if newest is not None and (back_s := self._order.set_back_s(stamp_ns, newest.stamp_ns)):
             self._states.clear()
             self._watch.clock_set_back(back_s)
             newest = None
+        if newest is not None and stamp_ns <= newest.stamp_ns:
+            return False
         turn_rate, force = self._R_cam_imu @ angular_velocity, self._R_cam_imu @ acceleration
         if newest is None or stamp_ns - newest.stamp_ns > _LONGEST_NS:
             begin = (np.eye(3), np.zeros(3), self._next_series(stamp_ns), stamp_ns)
@@ -91,8 +91,8 @@ class ImuTrack:
         return self._newest_series
 
     def at(self, stamp_ns: int) -> ImuReading | None:
-        """The integrals up to this stamp, for the camera's centre; None without samples near it."""
-        reading = self._at(stamp_ns)
+        """The integrals up to this stamp, for the camera's centre; None: not known."""
+        reading = None if self._order.is_doubtful else self._at(stamp_ns)
         newest_ns = self._states[-1].stamp_ns if self._states else None
         self._watch.asked(stamp_ns, newest_ns, is_known=reading is not None)
         return reading

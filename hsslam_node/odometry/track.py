@@ -12,7 +12,7 @@ from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 from hsslam_node.odometry.reading import OdometryReading
-from hsslam_node.sensor_watch import STEP_BACK_S, SensorWatch
+from hsslam_node.sensor_watch import SensorWatch, StampOrder
 
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading across a longer gap
@@ -37,8 +37,8 @@ class OdometryTrack:
 
     Poses are interpolated. After the newest pose the motion of the last 0.05 s continues for at most 0.1 s.
     The covariance grows by `noise` and with the covariances of the poses. A jump is an unknown motion, and so
-    is a stamp more than 1 s before the newest, which restarts the track. The readings of a track are a series
-    of their own, so the motion since a reading of another track is unknown.
+    is that since a clock was set back (`StampOrder`), which restarts the track. The readings of a track are a
+    series of their own, so the motion since a reading of another track is unknown.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -56,13 +56,14 @@ class OdometryTrack:
         self._noise = noise
         self._watch = SensorWatch() if watch is None else watch
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
+        self._order = StampOrder()
         self._base_covariance = np.zeros((6, 6))  # covariance given with the newest pose
         self._series = secrets.randbits(62)
 
     def add(
         self, stamp_ns: int, T_odom_base: np.ndarray, covariance: np.ndarray | None = None
     ) -> bool:
-        """Take a pose [4, 4]; False if its stamp is 0 to 1 s before the newest.
+        """Take a pose [4, 4]; False if it is left out, as its stamp is not after the newest.
 
         covariance: [6, 6] of translation (m) and of rotation (rad) about the base's centre, axes of odom.
 
@@ -74,17 +75,16 @@ class OdometryTrack:
                 f"odometry: position {T_odom_base[:3, 3]}: expected at most {_FARTHEST_M:g} m"
             )
         T = T_odom_base @ self._T_base_cam
-        back_s = 1e-9 * (self._poses[-1].stamp_ns - stamp_ns) if self._poses else -np.inf
         base_covariance = np.zeros((6, 6)) if covariance is None else covariance
         base_covariance = base_covariance.clip(-_LARGEST_VARIANCE, _LARGEST_VARIANCE)
         if not self._poses:
             self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
-        elif back_s > STEP_BACK_S:
+        elif back_s := self._order.set_back_s(stamp_ns, self._poses[-1].stamp_ns):
             unknown = self._poses[-1].covariance + of_jump()
             self._poses.clear()
             self._poses.append(_Pose(stamp_ns, T, unknown))
             self._watch.clock_set_back(back_s)
-        elif back_s >= 0:
+        elif stamp_ns <= self._poses[-1].stamp_ns:
             return False
         else:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
@@ -97,8 +97,8 @@ class OdometryTrack:
         return True
 
     def at(self, stamp_ns: int) -> OdometryReading | None:
-        """The pose of the camera at this stamp; None if odometry has no poses near it."""
-        reading = self._at(stamp_ns)
+        """The pose of the camera at this stamp; None if odometry does not know it."""
+        reading = None if self._order.is_doubtful else self._at(stamp_ns)
         newest_ns = self._poses[-1].stamp_ns if self._poses else None
         self._watch.asked(stamp_ns, newest_ns, is_known=reading is not None)
         return reading
@@ -130,7 +130,9 @@ class OdometryTrack:
             before = after = pose
             if span_ns >= 1e9 * _SPEED_OVER_S:
                 break
-        return None if before is None else self._between(before, newest, stamp_ns)
+        if before is None or newest.stamp_ns - before.stamp_ns < 1e9 * _BURST_S:
+            return None
+        return self._between(before, newest, stamp_ns)
 
     def _jumps(self, stamp_ns: int, T: np.ndarray) -> bool:
         """Whether the motion from the newest pose to this one is too fast for a robot."""

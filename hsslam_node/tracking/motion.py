@@ -60,8 +60,8 @@ class CameraMotion:
         return self._inertial.disagrees
 
     @property
-    def implausible_gravity(self) -> float:
-        """Length of gravity by the IMU in m/s^2, if that excludes it; 0: it does not, or is not known."""
+    def implausible_gravity(self) -> float | None:
+        """Length of gravity by the IMU in m/s^2, if that excludes it; None: it does not, or is not known."""
         return self._inertial.implausible_gravity
 
     def take(self, frame: Frame) -> None:

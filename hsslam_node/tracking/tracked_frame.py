@@ -107,9 +107,9 @@ class TrackResult:
     T_expected: np.ndarray | None = None
     is_carried: bool = False  # the motion since the last frame with a pose is not known
     imu_disagrees: bool = False  # it rotates unlike the camera, and is not used
-    odometry_disagrees: bool = False  # it moves unlike the camera
-    # m/s^2: length of gravity by the IMU, if that excludes it; 0: it does not, or is not known
-    implausible_gravity: float = 0.0
+    odometry_disagrees: bool = False  # it moves unlike the camera, and is not used
+    # m/s^2: length of gravity by the IMU, if that excludes it; None: it does not, or is not known
+    implausible_gravity: float | None = None
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":

@@ -91,10 +91,11 @@ class Tracker:
             return self._start(seen)
         self._motion.take(frame)
         prediction = self._motion.predicted(frame.stamp_ns)
-        reckoning = self._reckoned.expected(self._motion.T_world_last, frame.odometry)
+        expected = self._reckoned.expected(self._motion.T_world_last, frame.odometry)
+        reckoning = None if self._reckoned.disagrees else expected
         found = self._search.from_motion(seen, prediction, reckoning)
         if found is not None:
-            return self._accept(seen, found, reckoning)
+            return self._accept(seen, found, expected)
         if reckoning is None:
             return self._lose(seen, prediction)
         if not reckoning.is_within_reach(self._config):
@@ -108,13 +109,14 @@ class Tracker:
     ) -> TrackResult | None:
         """Return the pose of the frame near a place that a person names, or None if it does not show it.
 
-        After None no state has changed: call `track`. The answer is also None for a camera that is not
-        lost, unless `localise_only` is set.
+        After None no state has changed: call `track`. The answer is also None for a camera that is neither
+        lost nor dead-reckoned, unless `localise_only` is set.
 
         Raises:
             TornMapError: as by `track`.
         """
-        if not self._motion.has_begun or not (localise_only or self._motion.lost_frames):
+        is_lost = self._motion.lost_frames > 0 or self._reckoned.is_on
+        if not self._motion.has_begun or not (localise_only or is_lost):
             return None
         self._store.expect_like(frame)
         place = self._relocalisation.place_near(frame, near)

@@ -1,5 +1,6 @@
 """Keeps the reference keyframe, aligns frames to it and to the map, and chooses the next reference."""
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
 from hsslam_node.tracking.alignment.align import Alignment, align
@@ -134,7 +135,10 @@ class ReferenceAligner:
         """Align to the keyframe that shows most of a frame at about T_world_cam [4, 4]."""
         k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
         if k != self.keyframe:
-            self.refer_to(k)
+            with contextlib.suppress(
+                RetiredKeyframeError
+            ):  # meanwhile: the next frame finds another
+                self.refer_to(k)
 
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
         """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""
@@ -154,7 +158,8 @@ class ReferenceAligner:
     def prepare_next(self) -> None:
         """Prepare the reference keyframe of the next frame; the last pose did not need it."""
         if self._next is not None:
-            self.reference = self._next()
+            with contextlib.suppress(RetiredKeyframeError):  # meanwhile: the reference stays
+                self.reference = self._next()
             self._next = None
 
     def take_over(self, other: "ReferenceAligner", joined: JoinedFragment) -> None:

@@ -32,7 +32,8 @@ class InertialPrior:
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
         self._has_noted = False  # whether it has written gravity to the store
-        self.implausible_gravity = 0.0  # m/s^2, measured length that is not that of gravity
+        # m/s^2, measured length that is not that of gravity; None: it is
+        self.implausible_gravity: float | None = None
         self._is_current = False  # whether the frame that is tracked now has a reading
 
     @property
@@ -95,7 +96,7 @@ class InertialPrior:
         if fit is None:
             return
         is_wrong = not fit.is_plausible and len(self._windows) >= _SURE_WINDOWS
-        self.implausible_gravity = float(np.linalg.norm(fit.up)) if is_wrong else 0.0
+        self.implausible_gravity = float(np.linalg.norm(fit.up)) if is_wrong else None
         gravity = fit.gravity
         if gravity is None:
             return

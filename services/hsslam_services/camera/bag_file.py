@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.user_path import user_path
 from hsslam_services.camera.ros2_messages import CdrMessages
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
@@ -95,11 +96,11 @@ class BagFile:
                     topic, type_name, recorded_ns if stamp_ns is None else stamp_ns, payload
                 )
 
-    def static_transforms(self) -> StaticTransforms:
-        """All transforms of `/tf_static`; empty if the bag lacks this topic.
+    def static_transforms(self, reports: Reports) -> StaticTransforms:
+        """All transforms of `/tf_static`; empty if the bag lacks this topic. Others are reported.
 
         Raises:
-            UserError: a message is no transform, or the bag is damaged.
+            UserError: the bag is damaged.
         """
         found = StaticTransforms()
         with self._reported():
@@ -107,7 +108,7 @@ class BagFile:
                 try:
                     found.take(self.decode.transforms(payload, type_name))
                 except (BadImageError, UserError) as error:
-                    raise UserError(f"source {self.name}: {error}") from None
+                    reports.add(Report.unusable(TOPIC, error))
         return found
 
     def _without_stamps(self, topics: Collection[str]) -> set[str]:

@@ -51,7 +51,7 @@ class BagSource(ReadsInTime):
         self._imu_topic = imu_topic(self._bag, options.bag, bool(options.camera_T_imu))
         self._mountings = StaticTransforms()
         if self._imu_topic and not options.camera_T_imu:
-            self._mountings = self._bag.static_transforms()
+            self._mountings = self._bag.static_transforms(self.reports)
         self._camera_frame = found.first[0].frame_id
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale

@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import inverse, transform
 
 TOPIC, TRANSFORMS = "/tf_static", "tf2_msgs/msg/TFMessage"
-_UNIT = 1e-3  # by which the norm of a quaternion may be off
+_UNIT = 1e-2  # by which the norm of a quaternion may be off
 
 
 class StaticTransforms:
@@ -21,11 +21,12 @@ class StaticTransforms:
         self._known: dict[tuple[str, str], np.ndarray | None] = {}
 
     def take(self, message: Any) -> None:
-        """Take a `TFMessage`, decoded by rosbags.
+        """Take the transforms of a `TFMessage`, decoded by rosbags.
 
         Raises:
-            UserError: a transform is not finite, or has no unit quaternion.
+            UserError: one is not finite, or has no unit quaternion; the others are taken.
         """
+        problem = ""
         for stamped in message.transforms:
             parent, child = _name(stamped.header.frame_id), _name(stamped.child_frame_id)
             t, q = stamped.transform.translation, stamped.transform.rotation
@@ -33,11 +34,14 @@ class StaticTransforms:
             numbers = np.concatenate([place, turn])
             if not np.isfinite(numbers).all() or abs(np.linalg.norm(turn) - 1) > _UNIT:
                 text = " ".join(f"{number:g}" for number in numbers)
-                raise UserError(
-                    f"{TOPIC}: {parent} to {child}: {text}: expected x y z and a unit quaternion"
+                problem = problem or (
+                    f"{parent} to {child}: {text}: expected x y z and a unit quaternion"
                 )
+                continue
             self._to_parent[child] = parent, transform(place, turn)
             self._known.clear()
+        if problem:
+            raise UserError(problem)
 
     def between(self, target: str, source: str) -> np.ndarray | None:
         """T_target_source, [4, 4]: the pose of a frame in another; None if no transforms connect the two."""

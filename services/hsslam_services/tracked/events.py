@@ -120,8 +120,8 @@ class TrackingEvents:
     def _report_odometry(self, result: TrackResult) -> None:
         if result.odometry_disagrees:
             text = (
-                "odometry moves unlike the camera, by more than half of its motion: poses by odometry alone "
-                "are wrong; check --base-T-camera, its unit and its clock"
+                "odometry moves unlike the camera, by more than half of its motion: it is not used until it "
+                "agrees; check --base-T-camera, its unit and its clock"
             )
             self._warn_of("odometry", text)
 
@@ -132,7 +132,7 @@ class TrackingEvents:
                 "the IMU is not used: its rotation differs from the camera's; check --camera-T-imu"
             )
             self._warn_of("rotation", text)
-        if result.implausible_gravity:
+        if result.implausible_gravity is not None:
             text = (
                 "gravity of the IMU is not used: its mean acceleration is "
                 f"{result.implausible_gravity:.2f} m/s^2: expected about 9.81; check its unit, and that its "

@@ -127,6 +127,18 @@ def test_a_loss_before_frames_that_only_localise_does_not_count():
     assert begun_ns - frames[again].stamp_ns >= 3e9
 
 
+def test_a_clock_that_is_set_back_while_the_camera_is_lost_delays_no_fragment():
+    tracker, _ = _opened(3.0)
+    frames, _ = _walk()
+    set_back, back_ns = _DARK.start + 3, 5_000_000_000
+    for frame in frames[:set_back]:
+        tracker.track(frame, None)
+    later = [replace(f, stamp_ns=f.stamp_ns - back_ns) for f in frames[set_back:]]
+    results = ((frame.stamp_ns, tracker.track(frame, None)) for frame in later)
+    begun_ns = next(stamp_ns for stamp_ns, result in results if result.fragment == 1)
+    assert 3e9 <= begun_ns - later[0].stamp_ns < 5e9
+
+
 def _until_it_is_copied() -> tuple[FrameTracker, KeyframeStore, int]:
     """Three frames before the fragment joins the map, and the frame after them."""
     results, _, _ = _lost_and_joined()

@@ -127,6 +127,19 @@ def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
     assert all(" by 2.0 s: " in report.text for report in told)
 
 
+def test_a_clock_that_was_set_back_a_little_begins_a_series_after_a_tenth_of_a_second():
+    told: list[Report] = []
+    track = ImuTrack(watch=sensor_watch("imu", told.append))
+    for k in range(400):
+        assert track.add(k * _STEP_NS, np.zeros(3), _UP)
+    before = track.at(399 * _STEP_NS)
+    taken = [track.add(k * _STEP_NS, np.zeros(3), _UP) for k in range(300, 390)]
+    assert taken == [False] * 20 + [True] * 70
+    after = track.at(389 * _STEP_NS)
+    assert before is not None and after is not None and after.series != before.series
+    assert [report.kind for report in told] == ["imu: clock set back"]
+
+
 def test_samples_of_another_clock_are_reported():
     told: list[Report] = []
     track = ImuTrack(watch=sensor_watch("imu", told.append))

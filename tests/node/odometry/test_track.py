@@ -151,6 +151,50 @@ def test_another_track_of_the_same_robot_knows_nothing_of_the_motion_since_the_f
     assert motion is not None and motion.is_surer_than(0.02, 0.02)
 
 
+def test_a_clock_that_was_set_back_a_little_is_found_out_and_gives_no_wrong_pose():
+    """By 0.4 s; the robot drives on. Overtaken messages alone change nothing."""
+    told: list[Report] = []
+    track, back_ns = (
+        OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append)),
+        20 * _PERIOD_NS,
+    )
+    for k in range(50):
+        track.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS))
+        track.add((k - 3) * _PERIOD_NS, np.eye(4))
+    assert told == []
+    np.testing.assert_allclose(_read(track, 49 * _PERIOD_NS).T_odom_cam, _base_at(49 * _PERIOD_NS))
+    since = MotionSince()
+    since.restart(_read(track, 49 * _PERIOD_NS))
+    known = []
+    for k in range(50, 70):
+        track.add(k * _PERIOD_NS - back_ns, _base_at(k * _PERIOD_NS))
+        if k > 50 and (reading := track.at(k * _PERIOD_NS - back_ns)) is not None:
+            np.testing.assert_allclose(reading.T_odom_cam, _base_at(k * _PERIOD_NS), atol=1e-9)
+            motion = since.to(reading)
+            assert motion is not None and not motion.is_surer_than(0.5, 0.5)
+            known.append(k)
+    assert known == list(range(55, 70))  # after 0.1 s
+    assert [report.kind for report in told] == ["odom: clock set back"]
+    assert " by 0.4 s: " in told[0].text
+
+
+def test_one_message_from_the_future_costs_a_tenth_of_a_second():
+    track = _track(np.eye(4))
+    track.add(70 * _PERIOD_NS, _base_at(50 * _PERIOD_NS))
+    unknown = 0
+    for k in range(51, 90):
+        track.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS))
+        unknown += track.at(k * _PERIOD_NS) is None
+    assert unknown <= 6
+
+
+def test_two_poses_at_nearly_one_time_give_no_speed():
+    track = OdometryTrack(np.eye(4))
+    track.add(0, np.eye(4))
+    track.add(1_000_000, transform(np.array([0.004, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])))
+    assert track.at(80_000_000) is None
+
+
 def test_one_stamp_from_the_future_costs_no_further_poses():
     track = OdometryTrack(np.eye(4))
     track.add(1_700_000_000_000_000_000, np.eye(4))

@@ -16,6 +16,7 @@ from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
@@ -132,6 +133,28 @@ def test_odometry_that_moves_unlike_the_camera_is_found_out(fault: str):
     _, results = _tracked(_frames(wrong, covered=()))
     assert results[-1].odometry_disagrees
     assert {r.status for r in results[1:]} == {"tracked"} and _off_m(results).max() < 0.006
+
+
+def test_a_camera_that_sees_nothing_is_lost_if_odometry_moves_unlike_it():
+    """Not published where the wheels of a robot stand that is carried away; no keyframe of it either."""
+    still, covered = [_wheels()[0]] * 40, range(24, 36)
+    store, results = _tracked(_frames(still, covered))
+    assert [r.status for r in results[24:36]] == ["lost"] * 12
+    assert not set(store.frame_indices().tolist()) & set(covered)
+
+
+def test_a_person_can_say_where_a_dead_reckoned_camera_is():
+    frames = _frames(_wheels())
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+    tracker = Tracker(SMALL, store, 0)
+    for frame in frames[: _COVERED[3]]:
+        last = tracker.track(frame, None)
+    assert last.status == "dead_reckoned"
+    k = _COVERED[3]
+    near = Whereabouts(room_poses()[k], np.array([0.0, -1.0, 0.0]))
+    found = tracker.find_near(room_frames()[k], None, near)
+    assert found is not None and pose_error(found.T_world_cam, room_poses()[k])[0] < 0.02
 
 
 def test_wheels_that_slip_or_stand_still_do_not_lose_the_camera():

@@ -66,13 +66,19 @@ def test_an_imu_with_other_axes_is_found_out_and_not_used():
     assert {r.status for r in results[1:]} == {"tracked"}
 
 
-def test_accelerations_in_g_are_found_out():
-    per_velocity = np.array([1, 1, 1, 1, *[1 / STANDARD_GRAVITY] * 3, 1])
-    in_g = [r and ImuReading(r.numbers * per_velocity, r.series) for r in _readings()]
-    store, results = _tracked(_with(in_g))
+@pytest.mark.parametrize("length", [1.0, 0.0], ids=["in g", "a gyroscope alone"])
+def test_accelerations_that_are_not_gravity_are_found_out(length: float):
+    per_velocity = np.array([1, 1, 1, 1, *[length / STANDARD_GRAVITY] * 3, 1])
+    wrong = [r and ImuReading(r.numbers * per_velocity, r.series) for r in _readings()]
+    store, results = _tracked(_with(wrong))
     assert store.world_frame.gravity is None
-    assert results[-1].implausible_gravity == pytest.approx(1.0, abs=0.15)
-    assert not any(r.implausible_gravity for r in _tracked(_with(_readings()))[1])
+    assert results[-1].implausible_gravity == pytest.approx(length, abs=0.15)
+
+
+def test_accelerations_with_gravity_are_used():
+    store, results = _tracked(_with(_readings()))
+    assert store.world_frame.gravity is not None
+    assert all(r.implausible_gravity is None for r in results)
 
 
 def test_a_camera_that_turned_in_the_dark_is_expected_where_it_looks():

@@ -1,0 +1,34 @@
+"""The reference keyframe of a tracker whose keyframes another process removes meanwhile."""
+
+import numpy as np
+
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.aligned.reference_aligner import ReferenceAligner
+from tests.small_room import SMALL, room_frames, room_poses
+
+
+def test_the_reference_stays_if_the_keyframe_that_shows_more_is_removed_meanwhile(monkeypatch):
+    frames = room_frames()
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 8)
+    for k in (0, 10, 20):
+        store.append(frames[k], room_poses()[k])
+    aligner = ReferenceAligner(SMALL.tracker, store)
+    aligner.refer_to(0)
+    aligner.refer_next_to_covering(frames[11], room_poses()[11])
+    store.retire(1, 2)
+    aligner.prepare_next()
+    assert aligner.keyframe == 0
+
+    def removed_after_the_choice(store, frame, T_world_cam, before) -> int:
+        return 1
+
+    module = "hsslam_node.tracking.aligned.reference_aligner.covering_keyframe"
+    monkeypatch.setattr(module, removed_after_the_choice)
+    aligner.refer_to_covering(frames[11], room_poses()[11])
+    assert aligner.keyframe == 0
+    monkeypatch.undo()
+    aligner.refer_to_covering(frames[21], room_poses()[21])
+    assert aligner.keyframe == 2
+    np.testing.assert_array_equal(store.kept(), [0, 2])
