@@ -6,7 +6,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
 from hsslam_node.dense_map.seen_space import SeenSpace
-from hsslam_node.dense_map.snapshot import published_params
+from hsslam_node.dense_map.snapshot import published_map
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
 from hsslam_node.map.parameters import FieldParameters
@@ -32,9 +32,9 @@ class GrowingMap:
             raise UserError("there is no map yet: expected a first keyframe")
         of = parameters.version, store.count, store.pose_version
         if self._newest is None or self._newest[0] != of:
-            params, keyframes = published_params(parameters)[1], keyframes_of_store(store)
-            layout, seen = parameters.layout, partial(self._seen.follow, keyframes)
-            c = self._config
+            layout, params = published_map(parameters)
+            keyframes, c = keyframes_of_store(store), self._config
+            seen = partial(self._seen.follow, keyframes)
             dense_map = DenseMap(
                 layout, params, keyframes, c.sampling, self._device, seen, c.mapper.max_depth_m
             )

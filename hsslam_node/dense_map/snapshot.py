@@ -7,6 +7,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 
@@ -23,7 +24,21 @@ def map_snapshot(
     """
     if store is None or parameters is None or parameters.version == 0 or store.count == 0:
         raise UserError("there is no map yet: expected its first version")
-    return _checkpoint(store, parameters, published_params(parameters)[1], config)
+    while True:
+        layout, params = published_map(parameters)
+        checkpoint = _checkpoint(store, parameters, params, config)
+        if checkpoint.layout is layout:
+            return checkpoint
+
+
+def published_map(parameters: FieldParameters) -> tuple[FieldLayout, np.ndarray]:
+    """The layout of the newest published version and a copy of its parameters [P], also if another thread
+    lets the map grow meanwhile."""
+    while True:
+        layout = parameters.layout
+        params = published_params(parameters)[1]
+        if parameters.layout is layout:
+            return layout, params
 
 
 def published_params(

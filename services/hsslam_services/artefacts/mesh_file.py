@@ -12,7 +12,7 @@ import trimesh
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
-from hsslam_node.dense_map.snapshot import published_params
+from hsslam_node.dense_map.snapshot import published_map
 from hsslam_node.device.device import Device
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
@@ -48,7 +48,7 @@ def mesh_of_arena(
     report: Callable[[str], None],
 ) -> trimesh.Trimesh:
     """The mesh of the newest published map; `report` takes lines of progress."""
-    params = published_params(parameters)[1]
+    layout, params = published_map(parameters)
     keyframes = keyframes_of_store(store)
     progress = MeshProgress(len(keyframes), report)
 
@@ -57,7 +57,7 @@ def mesh_of_arena(
         return keyframes.depth_m(k)
 
     counted = replace(keyframes, depth_m=depth_m)
-    layout, far_m = parameters.layout, slam.mapper.max_depth_m
+    far_m = slam.mapper.max_depth_m
     dense_map = DenseMap(layout, params, counted, slam.sampling, device, max_depth_m=far_m)
     voxel_m, least_m = slam.mesher.final_voxel_m, least_voxel_m(layout.bound)
     if voxel_m < least_m:
