@@ -153,7 +153,10 @@ def rigid_transform(name: str, values: ArrayLike) -> np.ndarray:
 
 
 def _numbers(name: str, values: ArrayLike, expected: str) -> np.ndarray:
-    """An array of float64; UserError if numpy makes none, as of words, ragged lists, some tensors."""
+    """An array of float64; UserError if numpy makes none, as of words, ragged lists, some tensors, and if
+    values are masked."""
+    if np.ma.is_masked(values):
+        raise UserError(f"{name}: has masked values: {expected}")
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError, OverflowError, RuntimeError):

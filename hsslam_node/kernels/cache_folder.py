@@ -92,7 +92,7 @@ def cache_root() -> Path:
         UserError: this user has no home folder, and XDG_CACHE_HOME is not set.
     """
     if named := os.environ.get("XDG_CACHE_HOME"):
-        return Path(named) / "hsslam"
+        return user_path(named).absolute() / "hsslam"
     try:
         return user_path("~/.cache/hsslam")
     except UserError as error:

@@ -136,12 +136,12 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
     Raises:
         UserError: no such file, another format or version, or a damaged file.
     """
-    path = path / _FILE_OF_RUN if path.is_dir() else path
-    if not path.is_file():
-        raise UserError(
-            f"{path}: no such file: expected a map file, or the folder of a run that saved its map"
-        )
     try:
+        path = path / _FILE_OF_RUN if path.is_dir() else path
+        if not path.is_file():
+            raise UserError(
+                f"{path}: no such file: expected a map file, or the folder of a run that saved its map"
+            )
         if not _looks_like_safetensors(path):
             raise UserError(f"{path}: not a map: expected a file such as map.safetensors of a run")
         with safe_open(path, "numpy") as file:

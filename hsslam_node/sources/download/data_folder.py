@@ -9,7 +9,7 @@ from hsslam_node.user_path import user_path
 def data_folder() -> Path | None:
     """$HSSLAM_DATA; None if it is not set."""
     value = DATA.value()
-    return Path(value) if value else None
+    return user_path(value).absolute() if value else None
 
 
 def possible_places(name: str) -> list[Path]:

@@ -21,6 +21,7 @@ from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
 from hsslam_services.commands.options.parser import parsed
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.config_file import config_text
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 
@@ -46,6 +47,9 @@ def plan_command(args: Sequence[str]) -> None:
     for name in (options.logs, place):
         if not is_utf8(name):
             raise UserError(f"{name!r}: is not UTF-8: expected a path in UTF-8")
+    for line in config_text(serve).splitlines():
+        if not is_utf8(line):
+            raise UserError(f"{line!r}: is not UTF-8: expected a value in UTF-8")
     found = find_logs(_listing(options.logs, place))
     columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
     with terminal_progress(*columns) as progress:

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import IO
 
 import msgspec
 from mcap.data_stream import ReadDataStream
@@ -25,7 +26,7 @@ from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.arrival_order import in_order_of_arrival
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parts import part_number, parts
-from hsslam_services.log.recovery import Recovered, recover
+from hsslam_services.log.recovery import Recovered, locks_in_time, recover
 from hsslam_services.log.whole_records import MAGIC, TORN
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
@@ -43,9 +44,9 @@ def log_reader(path: Path) -> Iterator[McapReader]:
     """A reader that checks all checksums; turns errors of a damaged file in the block into `UserError`.
 
     Raises:
-        UserError: the file is damaged.
+        UserError: the file is damaged, or there is none.
     """
-    with path.open("rb") as stream:
+    with _opened(path) as stream:
         try:
             yield make_reader(stream, validate_crcs=True)
         except TORN as error:
@@ -54,6 +55,15 @@ def log_reader(path: Path) -> Iterator[McapReader]:
             if error.errno != errno.EINVAL:  # a seek to an impossible place
                 raise
             raise _damaged(path, error) from None
+
+
+def _opened(path: Path) -> IO[bytes]:
+    try:
+        return path.open("rb")
+    except FileNotFoundError:
+        raise UserError(
+            f"{path}: no such file: expected a part that --log-keep of a run does not remove meanwhile"
+        ) from None
 
 
 def start_ns(reader: McapReader) -> int:
@@ -204,13 +214,9 @@ def expect_closed(path: Path) -> None:
     """
     with path.open("rb") as stream:
         try:
-            fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            is_written = True
+            is_written = not locks_in_time(stream, fcntl.LOCK_SH)
         except OSError:  # no locks
             is_written = not is_finished(path) and _run_lives(path.parent)
-        else:
-            is_written = False
     if is_written:
         raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
     if not is_finished(path) and not _is_where_it_was_recorded(path):

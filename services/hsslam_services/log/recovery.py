@@ -3,6 +3,7 @@
 import contextlib
 import fcntl
 import os
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -27,6 +28,8 @@ from hsslam_services.log.whole_records import (
     whole_records,
     written,
 )
+
+_LOCK_PATIENCE_S, _LOCK_POLL_S = 2.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ def recover(path: Path) -> Recovered:
     """
     with path.open("r+b") as stream:
         lock_log(stream, path)
+        if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+            return recover(path)  # another process has put the recovered log in its place
         survey = _survey(stream)
         if (
             survey.damage
@@ -105,19 +110,36 @@ def _is_readable(path: Path) -> bool:
 
 
 def lock_log(stream: IO[bytes], path: Path) -> None:
-    """Lock the file against other writers while `stream` is open.
+    """Lock the file against other writers while `stream` is open; waits 2 s at most for those that read it or
+    make it readable.
 
     Raises:
         UserError: another process writes it.
     """
     try:
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise UserError(
-            f"{path}: a run is still writing it: expected a log that is closed"
-        ) from None
+        is_locked = locks_in_time(stream, fcntl.LOCK_EX)
     except OSError:  # a file system without locks
         return
+    if not is_locked:
+        raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
+
+
+def locks_in_time(stream: IO[bytes], kind: int) -> bool:
+    """Lock a file by `fcntl.LOCK_SH` or `LOCK_EX`; False if others hold it for 2 s.
+
+    Raises:
+        OSError: the file system has no locks.
+    """
+    deadline_s = time.monotonic() + _LOCK_PATIENCE_S
+    while True:
+        try:
+            fcntl.flock(stream.fileno(), kind | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= deadline_s:
+                return False
+            time.sleep(_LOCK_POLL_S)
+        else:
+            return True
 
 
 @dataclass

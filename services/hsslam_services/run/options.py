@@ -31,6 +31,7 @@ from hsslam_services.run.viewer_url import is_address, viewer_url
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
+_LEAST_LOG_GB = 0.01  # a part has a quarter of what is kept
 _MOST_HEIGHT_M = 2.3  # of the window of the grid
 _VIEWERS = ("auto", "none", "web", "spawn")
 
@@ -249,8 +250,12 @@ class ServeOptions:
             expect_at_least("finish-s", self.finish_s, 0, "seconds")
         if self.log_part_mb < 0:
             raise UserError(f"--log-part-mb {self.log_part_mb}: expected MiB, or 0 for one file")
-        if not (math.isfinite(self.log_keep) and self.log_keep >= 0):
-            raise UserError(f"--log-keep {self.log_keep:g}: expected GB, or 0 to keep all")
+        if not (
+            math.isfinite(self.log_keep) and (self.log_keep == 0 or self.log_keep >= _LEAST_LOG_GB)
+        ):
+            raise UserError(
+                f"--log-keep {self.log_keep:g}: expected at least {_LEAST_LOG_GB:g} GB, or 0 to keep all"
+            )
         expect_range("to-and-fro", self.to_and_fro, 1, 10_000)
         expect_at_least("hold-at", self.hold_at, 0)
         if self.hold_at and not self.hold_frames:

@@ -4,6 +4,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from hsslam_batch.attempt.serve_log import serve_command
@@ -129,6 +131,18 @@ def test_a_log_whose_path_is_not_utf8_is_left_out_with_a_warning(
         with pytest.raises(UserError, match=r"log\\udcff': is not UTF-8: expected a path in UTF-8"):
             _plan(root, out)
         assert not out.exists()
+
+
+def test_a_value_that_is_not_utf8_is_one_line_and_changes_no_plan(logs: Path, tmp_path: Path):
+    batch = _plan(logs, tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in batch.out.iterdir() if path.is_file()}
+    mask = tmp_path / os.fsdecode(b"mask\xff.png")
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full((6, 8), 255, np.uint8))
+    (tmp_path / "mask.png").rename(mask)
+    with pytest.raises(UserError, match=r"mask\\udcff.*is not UTF-8: expected a value in UTF-8"):
+        _plan(logs, batch.out, "--mask", str(mask))
+    after = {path.name: path.read_bytes() for path in batch.out.iterdir() if path.is_file()}
+    assert after == before
 
 
 @pytest.mark.parametrize(

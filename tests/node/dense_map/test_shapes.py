@@ -58,6 +58,7 @@ def test_a_sphere_has_one_radius_or_each_its_own():
     [
         (lambda: Spheres(np.zeros((2, 2)), 0.1), r"centres \[\[0.0, 0.0\], .*finite .*\[N, 3\]"),
         (lambda: Spheres(np.full((1, 3), np.nan), 0.1), "centres .*nan"),
+        (lambda: Spheres(np.ma.masked_equal(np.eye(3), 0), 0.1), "centres: has masked values: exp"),
         (lambda: Spheres(np.zeros((2, 3)), 0.0), "radius_m 0.0: expected metres above 0"),
         (lambda: Spheres(np.zeros((2, 3)), np.ones(3)), "radius_m"),
         (lambda: Boxes(np.eye(4), np.ones(3)), "T_world_box .*expected finite transforms"),

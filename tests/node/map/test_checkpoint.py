@@ -96,6 +96,8 @@ def test_a_map_from_before_bounds_could_grow_is_loaded(checkpoint, saved):
 def test_missing_file_is_told(tmp_path):
     with pytest.raises(UserError, match="no such file"):
         load_checkpoint(tmp_path / "map.safetensors")
+    with pytest.raises(UserError, match="File name too long: expected a map to read"):
+        load_checkpoint(tmp_path / ("m" * 300))
 
 
 @pytest.mark.parametrize(

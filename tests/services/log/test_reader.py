@@ -24,7 +24,7 @@ from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.reader import bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.services.wire_samples import pose
@@ -104,6 +104,14 @@ def test_a_log_that_is_being_written_is_left_alone(tmp_path):
     assert log.path.read_bytes() == before
     log.close()
     assert log_parts(log.path, print) == [log.path]
+
+
+def test_a_part_that_is_removed_before_it_is_read_is_one_line(tmp_path):
+    with (
+        pytest.raises(UserError, match=r"run\.1\.mcap: no such file: expected a part that"),
+        log_reader(tmp_path / "run.1.mcap"),
+    ):
+        pass
 
 
 def test_a_log_that_is_being_copied_is_left_alone(tmp_path):

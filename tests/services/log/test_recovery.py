@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import threading
 
 import numpy as np
 import pytest
@@ -179,6 +180,29 @@ def test_a_log_that_another_process_writes_is_not_touched(sample, tmp_path):
         with pytest.raises(UserError, match="still writing"):
             recover(path)
     assert path.read_bytes() == content[:-100]
+
+
+def test_a_log_that_two_programs_make_readable_is_recovered_once(sample, tmp_path):
+    """The second waits for the lock of the first, which has put a whole copy in its place by then."""
+    content, places = sample
+    path = tmp_path / "run.mcap"
+    path.write_bytes(content[: places[3][0]] + bytes(100) + content[places[3][0] + 100 : -200])
+    held = path.open("rb")
+    fcntl.flock(held.fileno(), fcntl.LOCK_EX)
+    whole = tmp_path / "whole"
+    whole.write_bytes(content)
+
+    def end_of_the_first() -> None:
+        path.rename(tmp_path / "run.damaged.mcap")
+        whole.rename(path)
+        held.close()
+
+    first = threading.Timer(0.3, end_of_the_first)
+    first.start()
+    recovered = recover(path)
+    first.join()
+    assert recovered.was_whole and path.read_bytes() == content
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.damaged.mcap", "run.mcap"]
 
 
 def _write(path, chunks):

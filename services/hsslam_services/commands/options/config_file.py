@@ -41,7 +41,7 @@ def read_layer(place: str, table: Sequence[Option]) -> Layer:
         raise UserError(
             f"{name}: a number is too long, or brackets are too deep: expected TOML of options"
         ) from None
-    known = {option.name: option for option in table if not option.is_positional}
+    known = {o.name: o for o in table if not o.is_positional and o.name != "config"}
     return Layer(name, dict(_values(name, document, "", known)))
 
 

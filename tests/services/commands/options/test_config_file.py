@@ -103,6 +103,8 @@ def test_a_preset_that_a_file_is_not_for_is_one_line(tmp_path: Path):
         ("[synth]\nsize_m = [1, 2]", "synth.size_m = [1, 2]: expected a list of 3: a number"),
         ("[slam.tracker]\npoints = -5", "tracker.points = -5: expected 100 to 10000000"),
         ("seed = 1\nseed", "expected TOML"),
+        ("config = ['other.toml']", "config = ['other.toml']: unknown option"),
+        ("log_keep = 0.001", "--log-keep 0.001: expected at least 0.01 GB, or 0 to keep all"),
         (f"seed = {5000 * '9'}", "a number is too long, or brackets are too deep: expected TOML"),
         (f"seed = {3000 * '['}{3000 * ']'}", "brackets are too deep: expected TOML"),
     ],
