@@ -30,9 +30,7 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     """
     if config.box:
         return Bound.of(np.array(config.box[:3]), np.array(config.box[3:]))
-    depth_m = frame.depth_m()
-    near_m = np.where(depth_m < max_depth_m, depth_m, 0)
-    points = camera_points(near_m, frame.camera, stride_px=8)
+    points = _points(frame, max_depth_m)
     if len(points) == 0:
         raise UserError(f"frame {frame.index}: no depth within {max_depth_m} m: expected some")
     distance = np.linalg.norm(points, axis=-1)
@@ -41,6 +39,18 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     )
     low = max(0.4 * reach, config.least_m)
     return Bound((-reach, -low, -reach), (reach, low, reach))
+
+
+def may_begin_map(frame: Frame, config: BoundConfig, max_depth_m: float) -> bool:
+    """Whether `initial_bound` finds a box for the map if this is its first frame."""
+    return bool(config.box) or len(_points(frame, max_depth_m)) > 0
+
+
+def _points(frame: Frame, max_depth_m: float) -> np.ndarray:
+    """Points [N, 3] m, camera axes, of the depth that counts."""
+    depth_m = frame.depth_m()
+    near_m = np.where(depth_m < max_depth_m, depth_m, 0)
+    return camera_points(near_m, frame.camera, _STRIDE_PX)
 
 
 _SHARE = 0.02  # of a keyframe's points that may lie outside

@@ -12,7 +12,7 @@ from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.kernels.tracking.alignment import add_sdf_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.bound import first_pose
+from hsslam_node.mapping.bound import first_pose, may_begin_map
 from hsslam_node.tracking.alignment.frame_terms import open_sdf_term
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.places.place_near import Whereabouts
@@ -170,7 +170,8 @@ class RenderingTracker:
         return self._objective
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
-        if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
+        may_begin = may_begin_map(frame, self._slam.bound, self._slam.mapper.max_depth_m)
+        if points < _FEWEST_POINTS or not may_begin or self._localise_only:
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)
         with self._store.appending():

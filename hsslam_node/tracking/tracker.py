@@ -10,7 +10,7 @@ from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.bound import first_pose
+from hsslam_node.mapping.bound import first_pose, may_begin_map
 from hsslam_node.tracking.aligned.acceptance import quality
 from hsslam_node.tracking.aligned.new_keyframes import NewKeyframe, NewKeyframes
 from hsslam_node.tracking.aligned.observation import Observation
@@ -158,7 +158,8 @@ class Tracker:
 
     def _start(self, seen: Observation) -> TrackResult:
         frame = seen.frame
-        if not seen.has_depth or seen.localise_only:  # nothing to start a map on
+        may_begin = may_begin_map(frame, self._slam.bound, self._slam.mapper.max_depth_m)
+        if not (seen.has_depth and may_begin) or seen.localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)
         k = self._store.append(frame, T_world_cam)

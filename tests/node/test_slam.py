@@ -225,6 +225,17 @@ def test_frames_without_depth_at_the_start_are_waited_out():
     assert slam.parameters is not None and slam.parameters.version == 1
 
 
+def test_a_map_begins_with_a_frame_that_has_depth_for_it():
+    """The tracker takes depth up to 6 m, the map here only up to 1 m."""
+    near = replace(CONFIG, mapper=replace(CONFIG.mapper, first_iterations=2, max_depth_m=1.0))
+    slam, first = Slam(near), room_frames()[0]
+    assert first.depth_m()[first.depth_raw > 0].min() > 1.0
+    assert slam.process(first).status == "lost" and slam.parameters is None
+    close = replace(first, stamp_ns=first.stamp_ns + 1, depth_raw=first.depth_raw // 4)
+    assert slam.process(close).status == "initial"
+    assert slam.parameters is not None and slam.parameters.version == 1
+
+
 def test_a_camera_that_moved_unseen_is_lost_or_right():
     """Places the map says nothing of must not be taken for places it knows."""
     options = replace(OPTIONS, frames=6, stride=45)
