@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 
-STEP_BACK_S = (
-    1.0  # a larger step back: the clock was set; a smaller one: perhaps messages out of order
-)
+# a larger step back: the clock was set; a smaller one: perhaps messages out of order
+STEP_BACK_S = 1.0
 _EARLY, _EARLY_S = 5, 0.1  # that follow each other, and their span: the clock was set after all
 _FRAMES = 30  # in a row without a reading
 _MOTIONS = 30  # before jumps are judged

@@ -135,9 +135,7 @@ class ReferenceAligner:
         """Align to the keyframe that shows most of a frame at about T_world_cam [4, 4]."""
         k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
         if k != self.keyframe:
-            with contextlib.suppress(
-                RetiredKeyframeError
-            ):  # meanwhile: the next frame finds another
+            with contextlib.suppress(RetiredKeyframeError):  # meanwhile: the reference stays
                 self.refer_to(k)
 
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:

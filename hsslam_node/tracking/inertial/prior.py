@@ -32,7 +32,7 @@ class InertialPrior:
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
         self._has_noted = False  # whether it has written gravity to the store
-        # m/s^2, measured length that is not that of gravity; None: it is
+        # m/s^2, measured length that is not that of gravity; None: it is, or is not known
         self.implausible_gravity: float | None = None
         self._is_current = False  # whether the frame that is tracked now has a reading
 
