@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable
 
+import msgspec
 import numpy as np
 import rerun as rr
 
@@ -74,9 +75,12 @@ class RerunScene:
                 self._set_time(message.index, message.stamp_ns)
                 self._poses.add(message)
             case messages.Keyframe():
-                if self._position(message.id) is None:  # else a correction of it came before
-                    self._place_keyframes([(message.id, (message.t, message.q))])
-                self._poses.add_keyframe(message)
+                t, q = self._placed(message.id) or (
+                    message.t,
+                    message.q,
+                )  # by an earlier correction
+                self._place_keyframes([(message.id, (t, q))])
+                self._poses.add_keyframe(msgspec.structs.replace(message, t=t, q=q))
             case messages.Correction():
                 moved = zip(message.t, message.q, strict=True)
                 self._place_keyframes(zip(message.keyframes, moved, strict=True))
@@ -218,8 +222,11 @@ class RerunScene:
                 rr.LineStrips3D(lines, colors=[_LOOPS], radii=rr.Radius.ui_points(1.2)),
             )
 
+    def _placed(self, k: int) -> _Placed | None:
+        return self._keyframes.get(k // _BLOCK_KEYFRAMES, {}).get(k)
+
     def _position(self, k: int) -> Vector | None:
-        placed = self._keyframes.get(k // _BLOCK_KEYFRAMES, {}).get(k)
+        placed = self._placed(k)
         return placed[0] if placed else None
 
     def _draw_mesh(self, mesh: mesh_messages.Mesh) -> None:

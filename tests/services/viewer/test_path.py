@@ -93,16 +93,20 @@ def test_a_keyframe_is_drawn_where_a_correction_put_it_that_came_before(tmp_path
     np.testing.assert_allclose(_lines(tmp_path / "path.rrd")["keyframes/0"][0], [0, 7, 0])
 
 
-def test_a_fragment_that_joins_the_map_is_drawn_where_it_lies(tmp_path):
+@pytest.mark.parametrize("correction_first", [False, True])
+def test_a_fragment_that_joins_the_map_is_drawn_where_it_lies(tmp_path, correction_first):
     with _stream(tmp_path / "path.rrd") as stream:
         scene = RerunScene(stream, poses_every_s=1e3)
         for index in range(9):
             is_out = 3 <= index < 8
             scene.draw(_of_fragment(index, 1, index // 2) if is_out else _in_keyframe(index, 0))
+        if correction_first:
+            scene.draw(_moved(2, (0.0, 7.0, 0.0)))
         for k, own, y in ((1, 1, 5.0), (2, 3, 6.0)):  # the first pose in the map comes before them
             joined = msgspec.structs.replace(keyframe(k), t=(0.0, y, 0.0), fragment=1)
             scene.draw(msgspec.structs.replace(joined, fragment_keyframe=own))
-        scene.draw(_moved(2, (0.0, 7.0, 0.0)))
+        if not correction_first:
+            scene.draw(_moved(2, (0.0, 7.0, 0.0)))
         scene.finish()
     lines = _lines(tmp_path / "path.rrd")
     expected = [[x, 5, 0] for x in (3, 4, 5)] + [[x, 7, 0] for x in (6, 7)]
