@@ -88,7 +88,14 @@ def test_without_room_on_the_disk_rows_stay_in_memory_and_it_is_reported_once(fo
     assert len(log.rows()) == 2 * SLAB_ROWS + 5
     assert not (folder.path / "pose_log.000.bin").is_symlink()
     [(level, text)] = told
-    assert level == "warning" and "pose_log.000 stays in shared memory" in text
+    assert level == "warning" and "pose_log.000 stays in shared memory for now" in text
+    on_disk.unlink()  # there is room again
+    for index in range(2 * SLAB_ROWS + 5, 3 * SLAB_ROWS + 1):
+        log.append(_row(index))
+    for _ in range(3):
+        assert arena.tried.acquire(timeout=30)
+    assert all((folder.path / f"pose_log.00{k}.bin").is_symlink() for k in range(3))
+    assert len(log.rows()) == 3 * SLAB_ROWS + 1 and len(told) == 1
 
 
 def test_two_arenas_of_one_run_folder_have_files_of_their_own(folder, tmp_path):
