@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from hsslam_node.errors import OutOfMemoryError, UserError
@@ -30,6 +31,8 @@ def _run(worker: Worker) -> None:
     worker.count("laps")
     worker.ready()
     if behaviour == "bad input":
+        pool = ThreadPoolExecutor(1)  # whose thread ends with the loop
+        pool.submit(int).result()
         raise UserError("field = 3: expected 4")
     if behaviour == "faulty":
         raise ValueError("text of a plugin\nin two lines")

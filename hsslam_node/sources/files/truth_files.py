@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.geometry.triangles import triangle_mesh
 
@@ -26,7 +26,10 @@ def mesh_loader(path: Path | None) -> MeshLoader | None:
 def _load_mesh(path: Path) -> "trimesh.Trimesh":
     import trimesh  # takes its time, and only the evaluator needs it
 
-    loaded = trimesh.load(path, process=False, force="mesh")
+    try:
+        loaded = trimesh.load(path, process=False, force="mesh")
+    except Exception as error:  # trimesh's readers raise errors of many types
+        raise UserError(f"{path}: damaged mesh: {one_line(error)}: expected a mesh") from None
     return triangle_mesh(loaded, path, "expected a mesh")
 
 

@@ -21,6 +21,7 @@ _POLL_S = 0.05
 class Pace(Protocol):
     """Decides when to send a frame; `send` returns when the next frame may be prepared.
 
+    `held`: the run was paused for this time before the next frame is sent; False if that frame is too old.
     `is_late`: whether a frame of a recording, which is about to be read, would be too late; thread-safe.
     """
 
@@ -28,7 +29,7 @@ class Pace(Protocol):
 
     def send(self, frame: Frame) -> None: ...
 
-    def held(self, seconds: float) -> None: ...
+    def held(self, seconds: float) -> bool: ...
 
     def is_late(self, index: int, source_ns: int) -> bool: ...
 
@@ -54,8 +55,9 @@ class Lockstep:
         self._peers.wait((*NEEDED, "global_ba"), OTHERS, self._worker)
         self._lag = LogLag(all(map(self._peers.has_heard, OTHERS)))
 
-    def held(self, seconds: float) -> None:
-        """Nothing to do: there is no clock."""
+    def held(self, seconds: float) -> bool:
+        """True: there is no clock."""
+        return True
 
     def is_late(self, index: int, source_ns: int) -> bool:
         """Never: the run waits for each frame."""
@@ -104,8 +106,9 @@ class Live:
         """Wait until tracker, mapper and recorder take work."""
         self._peers.wait(NEEDED, OTHERS, self._worker)
 
-    def held(self, seconds: float) -> None:
-        """Nothing to do: frames during a pause are lost."""
+    def held(self, seconds: float) -> bool:
+        """Whether there was no pause: frames during one are lost, and the camera moves on meanwhile."""
+        return seconds == 0
 
     def is_late(self, index: int, source_ns: int) -> bool:
         """Never: a live camera delivers its newest frame."""

@@ -88,10 +88,11 @@ class Realtime:
         lag_ns = time.monotonic_ns() - self._progress.due_ns(source_ns, self._scale)
         return self._late_ns < lag_ns < _LARGEST_LAG_NS
 
-    def held(self, seconds: float) -> None:
-        """Shift the sensor's clock: it stood still for `seconds`."""
+    def held(self, seconds: float) -> bool:
+        """Shift the sensor's clock: it stood still for `seconds`. True: so the next frame is not too old."""
         if self._progress.pinned_ns:
             self._progress.pinned_ns += round(1e9 * seconds)
+        return True
 
     def begin_map_epoch(self) -> None:
         """After a reset of the map, the clock stands still until there is a new map."""

@@ -23,8 +23,9 @@ class Silence:
         before = self._received
         self._received = health.pid, received
         if received > (before[1] if before and before[0] == health.pid else 0):
+            has_paused = now_s - self._frame_s > _FLOWS_S
             self._frame_s = now_s
-            if self._since_s is None:
+            if self._since_s is None or has_paused:
                 self._since_s = now_s
 
     def posed(self) -> None:

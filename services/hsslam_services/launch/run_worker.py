@@ -40,6 +40,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
         return_large_arrays()
     elif spec.returned_bytes:
         return_large_arrays(spec.returned_bytes)
+    code = 0
     try:
         run = RunInfo.read(run_dir)
         _give_way(spec.nice_at(run.options.pace) if spec else 0)
@@ -64,8 +65,9 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
         with contextlib.suppress(OSError):  # the run folder may be the problem
             lacks_memory = isinstance(error, OutOfMemoryError)
             write_result(run_dir, name, ProcessResult(error=str(error), lacks_memory=lacks_memory))
-        _end(2)
-    _end(0)
+        code = 2
+    # not in `except`: the traceback holds the objects of the loop, whose pools of threads end with them
+    _end(code)
 
 
 def _end(code: int) -> NoReturn:

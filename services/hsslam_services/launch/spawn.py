@@ -102,4 +102,7 @@ def how_it_ended(code: int) -> str:
     """An exit code in words."""
     if code == NOT_STARTED:
         return "cannot be started"
-    return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
+    if code >= 0:
+        return f"exited with code {code}"
+    names = {each.value: each.name for each in signal.Signals}  # real-time signals have none
+    return f"was killed by {names.get(-code, f'signal {-code}')}"

@@ -104,7 +104,7 @@ def _run(worker: Worker) -> None:
         worker.ready()
         progress.write(Path(worker.run.arena_dir))  # before the first frame is sent
         for item in items:
-            pace.held(pause.wait())
+            is_current = pace.held(pause.wait())
             if mode.map_epoch != map_epoch:
                 map_epoch = mode.map_epoch
                 pace.begin_map_epoch()
@@ -112,6 +112,9 @@ def _run(worker: Worker) -> None:
                 break
             if isinstance(item, NoFrame):
                 worker.event("warning", f"source {source.name}: {item.reason}")
+                continue
+            if not is_current:
+                progress.next_index += 1
                 continue
             if isinstance(item, LateFrame):
                 progress.skipped += 1

@@ -96,7 +96,8 @@ class Supervisor:
         if not kept or not pose_count(arena.path):
             arena.remove()
             return
-        mark_unsaved(arena.path, info.path, kept)
+        with contextlib.suppress(OSError):  # the memory is full; the folder says enough
+            mark_unsaved(arena.path, info.path, kept)
         text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"
         say_at_end(text)
 

@@ -12,6 +12,7 @@ import pytest
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
+from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Frame, MapVersion
 from hsslam_proto.run_messages import Health, Hold, Step, TopicCounts
 from hsslam_services.arena.map_state import MapState
@@ -22,6 +23,7 @@ from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 from tests.sequence_folders import write_tum_camera
+from tests.services.run.installed_package import install
 from tests.services.wire_samples import frame as sample_frame
 
 _ROOM = SynthOptions(width_px=64, height_px=48)
@@ -214,6 +216,58 @@ def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
     assert [frame.index for frame in after] == [last.index + k for k in range(1, 5)]
     assert after[0].stamp_ns - last.stamp_ns > 1e9  # what the hold took to arrive is not in it
     np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)
+
+
+_TICKING = """
+import itertools
+import time
+from dataclasses import replace
+
+from hsslam_node.sources.source_row import SourceRow
+from hsslam_node.sources.synth import SynthSource
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+
+ROW = SourceRow(kind="ticking", examples=("ticking:",), brief="a camera that counts", about="counts",
+                opener="hsslam_ticking:Ticking", is_live=True)
+
+class Ticking(SynthSource):
+    def __init__(self, name, options, should_stop):
+        small = SynthOptions(width_px=160, height_px=120)
+        super().__init__("room", SourceOptions(frames=1, synth=small))
+        self.name, self.frame_count, self._should_stop = "ticking:", None, should_stop
+
+    def frames(self, first=0):
+        image = next(super().frames(0))
+        for tick in itertools.count():
+            if self._should_stop():
+                return
+            time.sleep(0.1)
+            color = image.color.copy()
+            color[:] = tick % 256
+            yield replace(image, index=tick, color=color)
+"""
+
+
+def test_after_a_pause_a_live_camera_sends_no_image_from_before_it(
+    other_end, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    site = tmp_path / "site"
+    install(site, "hsslam-ticking", {"hsslam_ticking": _TICKING}, {"ticking": "hsslam_ticking:ROW"})
+    monkeypatch.setenv("PYTHONPATH", f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    end = other_end(source="ticking:")
+    holds = end.bus.publisher(topics.HOLD)
+    last = end.next_frame()
+    holds.put(Hold(paused=True))
+    while (frame := end.frames.wait(0.6)) is not None:
+        last = frame
+    holds.put(Hold(paused=False))
+    first = end.frames.wait(5)
+    assert _tick(first) == _tick(last) + 2  # the image between them waited for the end of the pause
+
+
+def _tick(frame: Frame) -> int:
+    return int(frame_from_message(frame).color[0, 0, 0])
 
 
 def test_in_a_new_map_epoch_the_clock_waits_for_the_new_map(other_end):
