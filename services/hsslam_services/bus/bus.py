@@ -114,7 +114,11 @@ class Bus:
         return subscription
 
     def state(self, topic: Topic[M]) -> Iterator[M]:
-        """The current state of a topic that keeps its state, as messages; waits for its publisher."""
+        """The current state of a topic that keeps its state, as messages; waits for its publisher.
+
+        Raises:
+            IncompleteStateError: after what the publisher sent of it in time.
+        """
         for sample in get_state(self._session, topic.key(self.robot)):
             message = decode(topic, sample.payload.to_bytes(), str(sample.encoding))
             if not isinstance(message, Rejected):

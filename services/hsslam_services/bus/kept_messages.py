@@ -1,11 +1,15 @@
 """Fetches what publishers keep for late subscribers: the last messages of a topic, or its state."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import zenoh
 
 _CACHES = "@adv/**"  # caches of zenoh's AdvancedPublisher, below the key of the topic
 _STATE_S = 10.0  # time for a publisher to answer
+
+
+class IncompleteStateError(Exception):
+    """A publisher did not send all of its state in time."""
 
 
 def get_history(session: zenoh.Session, key: str) -> Iterator[zenoh.Sample]:
@@ -26,12 +30,18 @@ def get_state(
     """The state of a topic that keeps its state, from its publisher; empty if there is no publisher.
 
     Raises:
+        IncompleteStateError: after what came of it.
         zenoh.ZError: the session is closed.
     """
-    yield from _replies(session, key, timeout_s)
+    if not (yield from _replies(session, key, timeout_s)):
+        raise IncompleteStateError(key)
 
 
-def _replies(session: zenoh.Session, key: str, timeout_s: float | None) -> Iterator[zenoh.Sample]:
+def _replies(
+    session: zenoh.Session, key: str, timeout_s: float | None
+) -> Generator[zenoh.Sample, None, bool]:
+    """The replies; returns whether there was no error, such as a time-out, among them."""
+    is_whole = True
     replies = session.get(
         key,
         target=zenoh.QueryTarget.ALL,
@@ -42,3 +52,6 @@ def _replies(session: zenoh.Session, key: str, timeout_s: float | None) -> Itera
     for reply in replies:
         if reply.ok is not None:
             yield reply.ok
+        else:
+            is_whole = False
+    return is_whole

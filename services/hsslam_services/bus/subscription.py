@@ -14,12 +14,13 @@ from hsslam_proto.codec import Rejected, check, decode
 from hsslam_proto.envelope import Envelope
 from hsslam_proto.message import Message
 from hsslam_proto.topics import Topic
-from hsslam_services.bus.kept_messages import get_history, get_state
+from hsslam_services.bus.kept_messages import IncompleteStateError, get_history, get_state
 
 M = TypeVar("M", bound=Message)
 _KEPT_REJECTIONS = 16
 _LARGE_BYTES = 2**23
 _RING, _LARGE_RING = 1024, 64  # messages between two reads; for topics of large messages
+_STATE_TRIES = 3  # if a busy publisher does not send all of its state
 _PUBLISHERS = 64  # whose sequence numbers are checked
 
 
@@ -173,9 +174,15 @@ class Subscription(Generic[M]):
         self._history_until = dict(self._next_sequence)
 
     def _read_state(self) -> None:
-        with contextlib.suppress(zenoh.ZError):  # the session is closed
-            for sample in get_state(self._session, self._key):
-                self._take(sample)
+        for _ in range(_STATE_TRIES):
+            try:
+                for sample in get_state(self._session, self._key):
+                    self._take(sample)
+            except IncompleteStateError:  # its publisher is busy, or has died
+                continue
+            except zenoh.ZError:  # the session is closed
+                return
+            return
 
     def _take(self, sample: zenoh.Sample) -> None:
         received = self._readable(sample)

@@ -16,6 +16,7 @@ from hsslam_proto.request_messages import Refusal, TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.kept_messages import IncompleteStateError
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.requests.waiting_requests import WaitingRequests
 
@@ -40,8 +41,12 @@ class NewestMesh:
 
     def _answer(self, asked: PendingRequest) -> None:
         live = AssembledMesh()
-        for message in self._bus.state(topics.MESH_BLOCKS):
-            live.add(message)
+        try:
+            for message in self._bus.state(topics.MESH_BLOCKS):
+                live.add(message)
+        except IncompleteStateError:
+            asked.refuse("unfinished", "mesh: the mesher did not send all of it in time: ask again")
+            return
         whole = live.whole() if live.map_epoch >= self._map_epoch else None
         if whole is None:
             text = "mesh: there is no live mesh: expected keyframes, and a run that goes on"

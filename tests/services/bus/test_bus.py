@@ -3,15 +3,19 @@ import signal
 import statistics
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
+from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.dead_pools import pools_of
+from hsslam_services.bus.kept_messages import IncompleteStateError, get_state
 from hsslam_services.bus.zenoh_session import open_client
 from tests.services.wire_samples import blocks, frame, keyframe, pose
 from tests.until import until
@@ -116,6 +120,31 @@ def test_what_was_kept_comes_whole_and_first_while_new_messages_come(endpoint):
                 assert [_expect(late).index for _ in range(start + 30)] == list(range(start + 30))
                 assert late.wait(0.01) is None
                 assert late.dropped == 0
+
+
+def test_a_publisher_that_does_not_send_all_of_its_state_in_time_is_an_error(endpoint):
+    """Else half a mesh would be taken for the whole."""
+    is_over = threading.Event()
+
+    def blocks_of_a_busy_mesher() -> Iterator[MeshBlocks]:
+        yield blocks(7, 0)
+        is_over.wait(30)
+
+    with Bus(endpoint, "r", "a") as a, open_client(endpoint) as session:
+        publisher = a.publisher(topics.MESH_BLOCKS)
+        publisher.answer_with(blocks_of_a_busy_mesher)
+        key, came = topics.MESH_BLOCKS.key("r"), []
+
+        def fails_after_a_block() -> bool:
+            came.clear()
+            try:
+                came.extend(get_state(session, key, timeout_s=1.0))
+            except IncompleteStateError:
+                return True
+            return False  # the publisher is not known yet
+
+        until(fails_after_a_block)
+        is_over.set()
 
 
 def test_who_comes_late_asks_for_all_that_messages_amount_to(endpoint):
