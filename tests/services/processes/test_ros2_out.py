@@ -35,6 +35,7 @@ def _mount() -> tuple[float, ...]:
     return (0.2, 0.05, float(T_room_cam[2, 3]), *q.tolist())
 
 
+_SPEED_M_S = 1.0  # of the camera, at most
 _MOUNT = _mount()
 _ROBOT = RobotFrames.mounted(_MOUNT)
 _QOS = {
@@ -163,7 +164,8 @@ def _expect_path(heard: list[Heard], logged: dict[int, Pose]) -> None:
         pose = logged[nearest]
         T_map_base = _ROBOT.base_pose(transform(np.array(pose.t), np.array(pose.q)))
         by_path, by_log = (T @ _ROBOT.T_base_cam for T in (_matrix(stamped.pose), T_map_base))
-        assert np.linalg.norm(by_path[:3, 3] - by_log[:3, 3]) < 0.1
+        apart_s = 1e-9 * abs(nearest - _stamp_ns(stamped))  # of frames that were dropped under load
+        assert np.linalg.norm(by_path[:3, 3] - by_log[:3, 3]) < 0.1 + _SPEED_M_S * apart_s
 
 
 def _expect_points(heard: list[Heard], logged: dict[int, Pose]) -> None:
