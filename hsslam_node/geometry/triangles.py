@@ -1,11 +1,11 @@
-"""What a reader of meshes returned, as a mesh whose faces and vertices fit together; its readers share it."""
+"""Reads meshes whose faces and vertices fit together: of runs, of users, of ground truth."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 
 if TYPE_CHECKING:
     import trimesh
@@ -14,15 +14,19 @@ _NO_TRIANGLES = "holds no triangles"
 _LARGEST = 1e8  # m, of a coordinate
 
 
-def triangle_mesh(loaded: object, path: Path, expected: str) -> "trimesh.Trimesh":
-    """What `trimesh.load` made of a file, if it is a mesh; vertices that no face uses may be anything.
+def triangle_mesh(path: Path, expected: str) -> "trimesh.Trimesh":
+    """The triangles of a file as they are; vertices that no face uses may be anything.
 
     Raises:
-        UserError: it has no triangles, or a vertex of a face is missing, not finite or too far away; ends
-            with `expected`.
+        UserError: the file is damaged, it has no triangles, or a vertex of a face is missing, not finite or
+            too far away; ends with `expected`.
     """
     import trimesh  # takes its time, and only the evaluator needs it
 
+    try:
+        loaded: object = trimesh.load(str(path), process=False, force="mesh")
+    except Exception as error:  # trimesh's readers raise errors of many types
+        raise UserError(f"{path}: damaged mesh: {one_line(error)}: {expected}") from None
     if not isinstance(loaded, trimesh.Trimesh):
         raise UserError(f"{path}: {_NO_TRIANGLES}: {expected}")
     if problem := _problem(loaded.vertices, loaded.faces):

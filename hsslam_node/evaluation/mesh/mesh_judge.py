@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from hsslam_node.errors import UserError, one_line
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh.depth_l1 import DepthL1, depth_l1
@@ -136,12 +136,7 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a mesh {_READABLE}")
-    try:
-        loaded = trimesh.load(str(path), process=False, force="mesh")
-    except Exception as error:  # trimesh's readers raise errors of many types
-        problem = f"damaged mesh: {one_line(error)}"
-        raise UserError(f"{path}: {problem}: expected a mesh {_READABLE}") from None
-    mesh = triangle_mesh(loaded, path, f"expected a mesh {_READABLE}")
+    mesh = triangle_mesh(path, f"expected a mesh {_READABLE}")
     if path.suffix.lower() in _Y_UP:
         mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))
     return mesh

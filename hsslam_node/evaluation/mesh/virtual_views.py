@@ -43,8 +43,7 @@ def virtual_views(
     found, in_vain = 0, 0
     for T in candidates:
         is_good = _shows_observed(view_of(surface, thin, T, reach_m), thin, T, views)
-        depth = view_of(surface, camera, T, reach_m) if is_good else None
-        if depth is not None and depth[depth > 0].min() >= _NEAREST_M:
+        if is_good and _is_far(depth := view_of(surface, camera, T, reach_m)):
             yield T, depth
             found, in_vain = found + 1, 0
         else:
@@ -95,11 +94,14 @@ def _in_ball(rng: np.random.Generator) -> np.ndarray:
 
 
 def _shows_observed(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> bool:
-    """Whether enough of the pixels [H, W] m show anything, none of it too near, and what a camera saw."""
-    filled = depth[depth > 0]
-    if len(filled) < LEAST_FILLED * depth.size or filled.min() < _NEAREST_M:
+    """Whether enough of the pixels [H, W] m show anything, and what a camera saw."""
+    if (depth > 0).sum() < LEAST_FILLED * depth.size:
         return False
     return views.observed(world_points(depth, camera, T)).mean() >= LEAST_OBSERVED
+
+
+def _is_far(depth: np.ndarray) -> bool:
+    return depth[depth > 0].min() >= _NEAREST_M
 
 
 class _Walls:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hsslam_node.errors import UserError, one_line
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.geometry.triangles import triangle_mesh
 
@@ -19,18 +19,8 @@ Truth = tuple[Trajectory, MeshLoader | None]
 
 
 def mesh_loader(path: Path | None) -> MeshLoader | None:
-    """Returns a function that reads the mesh; UserError if it has no triangles. None without a file."""
-    return None if path is None else lambda: _load_mesh(path)
-
-
-def _load_mesh(path: Path) -> "trimesh.Trimesh":
-    import trimesh  # takes its time, and only the evaluator needs it
-
-    try:
-        loaded = trimesh.load(path, process=False, force="mesh")
-    except Exception as error:  # trimesh's readers raise errors of many types
-        raise UserError(f"{path}: damaged mesh: {one_line(error)}: expected a mesh") from None
-    return triangle_mesh(loaded, path, "expected a mesh")
+    """Returns a function that reads the mesh; UserError if it is none. None without a file."""
+    return None if path is None else lambda: triangle_mesh(path, "expected a mesh")
 
 
 def read_matrix(path: Path) -> np.ndarray:

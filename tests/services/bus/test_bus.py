@@ -3,21 +3,18 @@ import signal
 import statistics
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
-from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.dead_pools import pools_of
-from hsslam_services.bus.kept_messages import IncompleteStateError, get_state
 from hsslam_services.bus.zenoh_session import open_client
-from tests.services.wire_samples import blocks, frame, keyframe, pose
+from tests.services.bus.expect import expect
+from tests.services.wire_samples import frame
 from tests.until import until
 
 _BLOCKED_S = 0.25  # no bound on speed: a publisher that waits for a reader waits 1 s
@@ -30,7 +27,7 @@ def test_messages_arrive_in_order_with_their_envelope(endpoint):
         until(publisher.has_subscribers)
         for index in range(1, 40):
             publisher.put(run_messages.Step(stage="done", index=index))
-        assert [_expect(stops).index for _ in range(1, 40)] == list(range(1, 40))
+        assert [expect(stops).index for _ in range(1, 40)] == list(range(1, 40))
         assert (stops.dropped, stops.rejected) == (0, 0)
 
 
@@ -50,7 +47,7 @@ def test_what_a_process_says_last_arrives_though_it_ends_at_once(endpoint):
     with Bus(endpoint, "r", "b") as bus:
         events, ends = bus.subscribe(topics.EVENT, 64), bus.subscribe(topics.SOURCE_END, 1)
         subprocess.run([sys.executable, "-c", _LAST_WORDS, endpoint], check=True)
-        assert _expect(ends).frame_count == 7
+        assert expect(ends).frame_count == 7
         assert [event.text for event in events.drain()] == [str(index) for index in range(20)]
 
 
@@ -89,89 +86,12 @@ def test_a_frame_wakes_the_waiting_reader(endpoint):
     print(f"1.5 MB frame, process to process: median {statistics.median(latencies_ms):.2f} ms")
 
 
-def test_late_subscribers_get_what_was_kept(endpoint):
-    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
-        keyframes = a.publisher(topics.KEYFRAME)
-        for index in range(20):
-            keyframes.put(keyframe(index))
-        time.sleep(0.1)
-        late = b.subscribe(topics.KEYFRAME, depth=64)
-        live_only = b.subscribe(topics.KEYFRAME, depth=64, history=False)
-        got = [_expect(late).id for _ in range(20)]
-        for index in range(20, 30):
-            keyframes.put(keyframe(index))
-        got += [_expect(late).id for _ in range(10)]
-        assert got == list(range(30))
-        assert late.wait(0.3) is None
-        assert [_expect(live_only).id for _ in range(10)] == list(range(20, 30))
-
-
-def test_what_was_kept_comes_whole_and_first_while_new_messages_come(endpoint):
-    with Bus(endpoint, "r", "a") as a:
-        poses = a.publisher(topics.POSE)
-        for start in range(0, 600, 30):
-            for index in range(start, start + 15):
-                poses.put(pose(index))
-            with Bus(endpoint, "r", "b") as b:
-                late = b.subscribe(topics.POSE, depth=1024, history=True)
-                for index in range(start + 15, start + 30):
-                    poses.put(pose(index))
-                    time.sleep(0.001)
-                assert [_expect(late).index for _ in range(start + 30)] == list(range(start + 30))
-                assert late.wait(0.01) is None
-                assert late.dropped == 0
-
-
-def test_a_publisher_that_does_not_send_all_of_its_state_in_time_is_an_error(endpoint):
-    """Else half a mesh would be taken for the whole."""
-    is_over = threading.Event()
-
-    def blocks_of_a_busy_mesher() -> Iterator[MeshBlocks]:
-        yield blocks(7, 0)
-        is_over.wait(30)
-
-    with Bus(endpoint, "r", "a") as a, open_client(endpoint) as session:
-        publisher = a.publisher(topics.MESH_BLOCKS)
-        publisher.answer_with(blocks_of_a_busy_mesher)
-        key, came = topics.MESH_BLOCKS.key("r"), []
-
-        def fails_after_a_block() -> bool:
-            came.clear()
-            try:
-                came.extend(get_state(session, key, timeout_s=1.0))
-            except IncompleteStateError:
-                return True
-            return False  # the publisher is not known yet
-
-        until(fails_after_a_block)
-        is_over.set()
-
-
-def test_who_comes_late_asks_for_all_that_messages_amount_to(endpoint):
-    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
-        assert list(b.state(topics.MESH_BLOCKS)) == []  # no publisher
-        publisher = a.publisher(topics.MESH_BLOCKS)
-        publisher.answer_with(lambda: [blocks(7, k) for k in range(3)])
-        publisher.put(blocks(7, 2))
-        found = []
-        until(lambda: found.extend(b.state(topics.MESH_BLOCKS)) or len(found) >= 3)
-        assert [message.revision for message in found] == [7, 7, 7]
-        late = b.subscribe(topics.MESH_BLOCKS, depth=8, history=True)
-        assert [_expect(late).revision for _ in range(3)] == [7, 7, 7]
-        publisher.put(blocks(8, 2))
-        assert _expect(late).revision == 8
-        late.ask_state()
-        assert [_expect(late).revision for _ in range(3)] == [7, 7, 7]
-        live_only = b.subscribe(topics.MESH_BLOCKS, depth=8, history=False)
-        assert live_only.wait(0.3) is None
-
-
 def test_late_publishers_are_found(endpoint):
     with Bus(endpoint, "r", "a") as a:
         ends = a.subscribe(topics.SOURCE_END, depth=4)
         with Bus(endpoint, "r", "b") as b:
             b.publisher(topics.SOURCE_END).put(run_messages.SourceEnd(frame_count=7))
-            assert _expect(ends).frame_count == 7
+            assert expect(ends).frame_count == 7
         assert ends.wait(0.2) is None
 
 
@@ -217,7 +137,7 @@ def test_sigkill_of_a_reader_does_not_disturb_the_others(endpoint):
                 publisher.put(_frame(index))
                 slowest_s = max(slowest_s, time.monotonic() - begin)
                 time.sleep(0.01)
-            assert [_expect(frames).index for _ in range(1, 60)] == list(range(1, 60))
+            assert [expect(frames).index for _ in range(1, 60)] == list(range(1, 60))
             assert slowest_s < _BLOCKED_S
 
 
@@ -287,14 +207,8 @@ def test_clients_come_back_after_the_router(endpoint):
         steps, publisher = b.subscribe(topics.STEP, depth=4), a.publisher(topics.STEP)
         until(publisher.has_subscribers)
         publisher.put(run_messages.Step(stage="done", index=1))
-        assert _expect(steps).index == 1
+        assert expect(steps).index == 1
     router.close()
-
-
-def _expect(subscription):
-    message = subscription.wait(5.0)
-    assert message is not None
-    return message
 
 
 def _reader(endpoint, wait_s=0.05) -> subprocess.Popen:

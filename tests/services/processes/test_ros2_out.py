@@ -35,7 +35,6 @@ def _mount() -> tuple[float, ...]:
     return (0.2, 0.05, float(T_room_cam[2, 3]), *q.tolist())
 
 
-_SPEED_M_S = 1.0  # of the camera, at most
 _MOUNT = _mount()
 _ROBOT = RobotFrames.mounted(_MOUNT)
 _QOS = {
@@ -159,13 +158,13 @@ def _expect_path(heard: list[Heard], logged: dict[int, Pose]) -> None:
     path = heard[-1].by_rosbags
     assert path.header.frame_id == "map" and len(path.poses) >= 2
     stamps = np.array(sorted(logged))
+    poses = [transform(np.array(pose.t), np.array(pose.q)) for _, pose in sorted(logged.items())]
+    by_log = np.array([(_ROBOT.base_pose(T) @ _ROBOT.T_base_cam)[:3, 3] for T in poses])
     for stamped in path.poses:
-        nearest = int(stamps[np.abs(stamps - _stamp_ns(stamped)).argmin()])
-        pose = logged[nearest]
-        T_map_base = _ROBOT.base_pose(transform(np.array(pose.t), np.array(pose.q)))
-        by_path, by_log = (T @ _ROBOT.T_base_cam for T in (_matrix(stamped.pose), T_map_base))
-        apart_s = 1e-9 * abs(nearest - _stamp_ns(stamped))  # of frames that were dropped under load
-        assert np.linalg.norm(by_path[:3, 3] - by_log[:3, 3]) < 0.1 + _SPEED_M_S * apart_s
+        at_s = 1e-9 * (_stamp_ns(stamped) - stamps[0])  # between two poses if frames were dropped
+        expected = [np.interp(at_s, 1e-9 * (stamps - stamps[0]), axis) for axis in by_log.T]
+        by_path = _matrix(stamped.pose) @ _ROBOT.T_base_cam
+        assert np.linalg.norm(by_path[:3, 3] - expected) < 0.1
 
 
 def _expect_points(heard: list[Heard], logged: dict[int, Pose]) -> None:
