@@ -52,6 +52,15 @@ def test_camera_and_mesh_beside_the_folder_as_published(replica_folder):
     assert folder.mesh_file == replica_folder.parent / "room_mesh.ply"
 
 
+@pytest.mark.parametrize("content", [b"", b"ply\nformat ascii 1.0\nelement vertex 3\n"])
+def test_a_damaged_true_mesh_is_one_line(replica_folder, content):
+    (replica_folder.parent / "room_mesh.ply").write_bytes(content)
+    truth = open_ground_truth(f"replica:{replica_folder}")
+    assert truth is not None
+    with pytest.raises(UserError, match=r"room_mesh\.ply: damaged mesh: .*: expected a mesh$"):
+        truth.mesh()
+
+
 def test_what_is_missing_is_named(replica_folder, tmp_path):
     with pytest.raises(UserError, match="no such folder"):
         ReplicaSource(str(tmp_path / "none"), SourceOptions())
