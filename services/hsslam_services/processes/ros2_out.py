@@ -107,8 +107,8 @@ class Ros2Out:
         self._max_depth_m = worker.options.slam.mapper.max_depth_m
         self._images: WaitingFrames | None = None
         self._clock = StampClock()
-        if not self._has_ros_stamps:
-            self._learn_of_earlier_frames(PoseLog(worker.arena))
+        self._log = PoseLog(worker.arena)
+        self._learned = 0  # rows of the log
         self._last: tuple[Pose, np.ndarray] | None = None  # last published, and its T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
@@ -140,7 +140,6 @@ class Ros2Out:
         is_again = self._last and self._stamp_ns(self._last[0]) == self._stamp_ns(pose)
         if pose.status == "lost" or is_again:
             return
-        self._clock.learn(pose.source_stamp_ns, self._stamp_ns(pose))
         with self._worker.timed("ros2"):
             self._publish_pose(pose)
             now_s = time.monotonic()
@@ -195,21 +194,26 @@ class Ros2Out:
             return np.zeros(6), 0.0
         return velocity(before[1], T_odom_base, seconds), seconds
 
-    def _learn_of_earlier_frames(self, log: PoseLog) -> None:
-        """Learn the stamps of frames before the start of this process; the path needs those of keyframes."""
-        for rows in log.slabs():
-            both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
-            for source_ns, ros_ns in both:
-                self._clock.learn(source_ns, ros_ns)
-
     def _publish_path(self, pose: Pose) -> None:
         """Publish the keyframes at their present poses, thinned evenly."""
         store = self._link.store()
         if store is None or store.count == 0:
             return
         stamp_ns = self._stamp_ns(pose)
+        self._learn_stamps()
         path = keyframe_path(store, self.frames, self._clock, stamp_ns, _MOST_PATH_POSES)
         self._path.put(self._messages.path(stamp_ns, self.names.map, *path))
+
+    def _learn_stamps(self) -> None:
+        """Learn both stamps of new frames, also of those that this process did not hear."""
+        if self._has_ros_stamps:
+            return
+        count = self._log.count
+        for rows in self._log.slabs(range(self._learned, count)):
+            both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
+            for source_ns, ros_ns in both:
+                self._clock.learn(source_ns, ros_ns)
+        self._learned = count
 
     def _publish_points(self, pose: Pose, now_s: float) -> None:
         """Publish the points of this pose's image in the camera's frame.
