@@ -9,6 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from hsslam_node.map.pose_log import TRACKED, PoseLog, pose_row
+from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import wire_covariance
@@ -19,6 +21,7 @@ from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.node import RosNode
 from tests.services.ros2.ros_listener import RosListener
 from tests.services.wire_samples import frame, pose
+from tests.small_room import room_frames
 from tests.until import until
 
 _FRAME_NS = 33_333_333
@@ -67,12 +70,15 @@ def run(make_run):
 
 
 @pytest.fixture
-def node(run) -> Iterator[_Node]:
+def worker(run) -> Iterator[Worker]:
+    with Worker("ros2_out", run) as worker:
+        yield worker
+
+
+@pytest.fixture
+def node(run, worker) -> Iterator[_Node]:
     listener = RosListener(run.endpoint)
-    with (
-        Worker("ros2_out", run) as worker,
-        RosNode(run.endpoint, 0, "/hsslam", "slam", RosMessages("test")) as ros,
-    ):
+    with RosNode(run.endpoint, 0, "/hsslam", "slam", RosMessages("test")) as ros:
         yield _Node(worker, ros, listener)
     listener.close()
 
@@ -99,6 +105,27 @@ def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
     (cloud,) = (one.by_rosbags for one in node.listener.heard("/hsslam/points"))
     assert _stamp_ns(cloud) == seen_ns and cloud.width > 0
     assert cloud.header.frame_id == "one/camera_optical_frame"
+
+
+def test_frames_that_were_not_heard_do_not_shift_the_path(node, worker):
+    """The recording waits after its first frame; the process does not hear the next ones."""
+    seen = room_frames()[0]
+    store = KeyframeStore.create(worker.arena, seen.camera, seen.depth_units_per_m, 16)
+    log = PoseLog(worker.arena)
+    stamps_ns = [10**18 + (k and 10**9) + 2 * k * _FRAME_NS for k in range(4)]
+    for k, stamp_ns in enumerate(stamps_ns):
+        store.append(replace(seen, index=k, stamp_ns=k * _FRAME_NS), np.eye(4))
+        log.append(
+            pose_row(
+                index=k, source_stamp_ns=k * _FRAME_NS, stamp_ns=stamp_ns, publish_ns=stamp_ns,
+                status=TRACKED, keyframe=k, T_world_cam=np.eye(4), T_keyframe_cam=np.eye(4),
+                quality=1.0, map_version=1,
+            )
+        )  # fmt: skip
+    node.listener.hear("/hsslam/path")
+    until(lambda: node.tell() and node.listener.count("/hsslam/path"), 60)
+    path = node.listener.heard("/hsslam/path")[0].by_rosbags
+    assert [_stamp_ns(one) for one in path.poses] == stamps_ns
 
 
 def test_a_speed_that_is_not_known_is_told_as_such(node):
