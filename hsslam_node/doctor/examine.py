@@ -27,12 +27,18 @@ from hsslam_node.doctor.stamps import (
 
 _ALIGNED_PAIRS = 20
 _SENSORS = Check("sensors", "messages", "usable messages, and a clock that never goes back")
+_CAMERA = Check("camera", "times", "frames without a pause of seconds")
 
 
 def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
     """One finding a check, one by one; `stamps`: of all images, if the source has them."""
     yield from _of_stamps(sample, stamps)
     yield check_readable(len(sample.frames), [bad.reason for bad in sample.bad])
+    if sample.silence:
+        advice = (
+            "connect the camera firmly, or start its driver again; all checks are of frames before"
+        )
+        yield _CAMERA.fault(1, f"no more frames: {sample.silence}", advice)
     if sample.reports:
         yield _SENSORS.note(len(sample.reports), sample.reports[0].text)
     if not sample.frames:

@@ -10,7 +10,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import Report, reports_of
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.source import BadFrame, NoFrame, Source, SourceLostError
 
 RUN_FRAMES = 3
 
@@ -25,6 +25,7 @@ class Sample:
     frames: tuple[Frame, ...]
     bad: tuple[BadFrame, ...]
     reports: tuple[Report, ...] = ()  # of other faults of the source
+    silence: str = ""  # why a live camera sent no more frames; "": it did
 
     @property
     def spread(self) -> list[Frame]:
@@ -63,7 +64,7 @@ def take_sample(
 ) -> Sample:
     """At most `frames` frames of the source that `open_it` makes of `spec`.
 
-    A live source, whose length is unknown, gives its first frames.
+    A live source, whose length is unknown, gives its first frames, until it is silent for seconds.
 
     Raises:
         UserError: as `open_source`.
@@ -78,12 +79,20 @@ def take_sample(
 
 
 def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
-    read = list(itertools.islice(source.frames(), len(rows)))
+    read: list[Frame | BadFrame] = []
+    silence = ""
+    try:
+        for item in itertools.islice(source.frames(), len(rows)):
+            if isinstance(item, NoFrame):
+                silence = item.reason
+                break
+            read.append(item)
+    except SourceLostError as error:
+        silence = str(error)
     frames = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, Frame))
     bad = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, BadFrame))
-    return Sample(
-        source.name, count, rows[: len(read)], frames, bad, tuple(reports_of(source).take())
-    )
+    reports = tuple(reports_of(source).take())
+    return Sample(source.name, count, rows[: len(read)], frames, bad, reports, silence)
 
 
 def _sample_rows(count: int, frames: int) -> tuple[int, ...]:

@@ -25,7 +25,7 @@ _COLORS = {"online": "#ff7f0e", "final": "#1f77b4", "keyframes": "#2ca02c"}
 def draw_plots(
     evaluation: Evaluation, trajectories: Mapping[str, Trajectory], folder: Path
 ) -> list[Path]:
-    """Write trajectory.png, error.png and, if the true surface is known, mesh.png.
+    """Write trajectory.png, error.png and, if the true surface and a true pose are known, mesh.png.
 
     Raises:
         UserError: the folder cannot be written.
@@ -35,7 +35,8 @@ def draw_plots(
     if evaluation.truth is not None and evaluation.ates:
         figures["trajectory"] = _paths(evaluation, trajectories)
         figures["error"] = _errors(evaluation.ates)
-    if evaluation.judge is not None and evaluation.meshes:
+    judge = evaluation.judge
+    if judge is not None and evaluation.meshes and len(judge.given.T_world_cam):
         figures["mesh"] = _meshes(evaluation)
     written = []
     try:

@@ -88,7 +88,7 @@ def read_tum(path: Path | str) -> Trajectory:
             in another order, as in EuRoC's files.
     """
     try:
-        text = Path(path).read_text()
+        text = Path(path).read_text(encoding="utf-8-sig")  # some editors write a mark first
     except (OSError, UnicodeDecodeError):
         raise UserError(f"{path}: cannot be read: expected a trajectory in TUM format") from None
     stamps, poses = [], []

@@ -1,7 +1,7 @@
 """Reads meshes whose faces and vertices fit together: of runs, of users, of ground truth."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,11 @@ def triangle_mesh(path: Path, expected: str) -> "trimesh.Trimesh":
     import trimesh  # takes its time, and only the evaluator needs it
 
     try:
-        loaded: object = trimesh.load(str(path), process=False, force="mesh")
+        loaded: object = trimesh.load(str(path), process=False)
+        if isinstance(loaded, trimesh.Scene):
+            for one in loaded.geometry.values():
+                _restore_colors(one)
+            loaded = loaded.to_mesh()
     except Exception as error:  # trimesh's readers raise errors of many types
         raise UserError(f"{path}: damaged mesh: {one_line(error)}: {expected}") from None
     if not isinstance(loaded, trimesh.Trimesh):
@@ -32,6 +36,18 @@ def triangle_mesh(path: Path, expected: str) -> "trimesh.Trimesh":
     if problem := _problem(loaded.vertices, loaded.faces):
         raise UserError(f"{path}: {problem}: {expected}")
     return loaded
+
+
+def _restore_colors(mesh: Any) -> None:
+    """Give vertices their colours, which trimesh keeps apart if a glTF has a material without a texture."""
+    from trimesh.visual import ColorVisuals, TextureVisuals
+
+    visual = getattr(mesh, "visual", None)
+    if not isinstance(visual, TextureVisuals) or visual.uv is not None:
+        return
+    colors = visual.vertex_attributes.get("color")
+    if colors is not None:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=colors)
 
 
 def _problem(vertices: np.ndarray, faces: np.ndarray) -> str:

@@ -82,6 +82,7 @@ def textured_mesh(
     image = Image.fromarray(texture)
     material = PBRMaterial(
         name="texture", baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0,
+        doubleSided=True,
         baseColorFactor=[255, 255, 255, 255],  # else the material of an .obj darkens the image
     )  # fmt: skip
     more = len(charts.vertices) + np.arange(unseen.size).reshape(-1, 3)

@@ -18,13 +18,13 @@ _NS_BY_DIGITS = {13: 1_000_000, 16: 1000, 19: 1}  # since 1970: ms, us, ns
 def name_stamp_ns(stem: str) -> int | None:
     """Time in a file name, ns; None if there is none.
 
-    `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns), `2024-01-31_12-30-55.250` (taken as
-    UTC), or numbers of 13, 16 or 19 digits before the point, if any, which do not begin with 0: ms, us or ns
-    since 1970. A number with a point right behind a letter is a time only if it is one since 1970:
-    `room1.0001` is image 1 of room1.
+    `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns, or 6 digits of us),
+    `2024-01-31_12-30-55.250` (taken as UTC), or numbers of 13, 16 or 19 digits before the point, if any,
+    which do not begin with 0: ms, us or ns since 1970. A number with a point right behind a letter is a time
+    only if it is one since 1970: `room1.0001` is image 1 of room1.
     """
-    if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9})(?!\d)", stem):
-        return int(both[1]) * 1_000_000_000 + int(both[2])
+    if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9}|\d{6})(?!\d)", stem):
+        return int(both[1]) * 1_000_000_000 + int(both[2].ljust(9, "0"))
     if date := _DATE_AND_TIME.search(stem):
         *whole, fraction = date.groups()
         try:

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
 
-import msgspec
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -23,8 +22,8 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.json_file import expect_json_file, write_json_file
 from hsslam_services.run.options import ServeOptions
-from hsslam_services.run.run_info import write_atomically
 from hsslam_services.run.source_table import ALL_SOURCES
 
 _PROG = "hsslam-doctor"
@@ -94,6 +93,8 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 
 def _check(options: DoctorOptions) -> int:
     """Check the source and print the findings; returns the number of faults."""
+    if options.json is not None:
+        expect_json_file(options.json)
     writable_kernel_cache()
     wanted = SourceOptions.among(options)
     # a download shows its own progress bar
@@ -149,11 +150,7 @@ def _write_json(path: Path, sample: Sample, findings: Sequence[Finding]) -> None
         "faults": sum(finding.severity == "fault" for finding in findings),
         "findings": [asdict(finding) for finding in findings],
     }
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, msgspec.json.format(msgspec.json.encode(document)))
-    except OSError as error:
-        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+    write_json_file(path, document)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,21 @@
 """Which frames of a source are looked at."""
 
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.sample import take_sample
 from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.source import BadFrame, NoFrame, Source, SourceLostError
 
 SMALL = SynthOptions(width_px=64, height_px=48)
 
@@ -40,6 +48,31 @@ def test_stamps_come_in_the_order_of_the_lists(tum_folder):
     assert (np.diff(stamps.color_ns) < 0).all()
     assert (np.diff(stamps.depth_ns) > 0).all()
     assert recorded_stamps("synth:room") is None
+
+
+@pytest.mark.parametrize("is_lost", [False, True])
+def test_a_camera_that_goes_silent_is_a_fault(is_lost):
+    why = "nothing for 5 s: check the cable"
+
+    class _Silent:
+        def __init__(self, whole: Source) -> None:
+            self.name, self.frame_count = whole.name, None
+            self._whole = whole
+
+        def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+            yield from itertools.islice(self._whole.frames(first), 8)
+            if is_lost:
+                raise SourceLostError(why)
+            while True:
+                yield NoFrame(0, 0, why)
+
+    options = SourceOptions(synth=SMALL)
+    sample = take_sample("synth:room", options, 12, lambda *of: _Silent(open_source(*of)))
+    assert (sample.silence, len(sample.frames), sample.bad) == (why, 8, ())
+    by_name = {finding.name: finding for finding in examine(sample, None)}
+    assert by_name["camera"].severity == "fault" and why in by_name["camera"].seen
+    assert by_name["images"].severity == "ok"
+    assert all(f.name != "camera" for f in examine(replace(sample, silence=""), None))
 
 
 def test_a_source_that_is_not_there():

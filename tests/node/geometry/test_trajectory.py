@@ -53,6 +53,12 @@ def test_a_wrong_line_is_named(tmp_path, line):
         read_tum(path)
 
 
+def test_a_file_of_an_editor_that_writes_a_byte_order_mark(tmp_path):
+    path = tmp_path / "poses.txt"
+    path.write_text("1.5 1 2 3 0 0 0 1\n", encoding="utf-8-sig")
+    assert read_tum(path).stamps_ns.tolist() == [1_500_000_000]
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(UserError, match=r"none\.txt"):
         read_tum(tmp_path / "none.txt")

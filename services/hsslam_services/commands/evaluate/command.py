@@ -7,7 +7,6 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-import msgspec
 import numpy as np
 from rich.console import Console
 
@@ -23,9 +22,9 @@ from hsslam_services.commands.cli import exit_code, parse_options, terminal_prog
 from hsslam_services.commands.evaluate.options import EvalOptions
 from hsslam_services.commands.evaluate.subject import run_subject, source_of_run
 from hsslam_services.commands.evaluate.table import eval_table
+from hsslam_services.commands.json_file import expect_json_file, write_json_file
 from hsslam_services.log.reader import is_log
 from hsslam_services.log.source import RecordedSource, recorded_source
-from hsslam_services.run.run_info import write_atomically
 from hsslam_services.run.summary import source_commit
 
 _PROG = "hsslam-eval"
@@ -46,8 +45,10 @@ def _options(args: Sequence[str]) -> EvalOptions:
 
 
 def _evaluate(options: EvalOptions) -> None:
-    if options.json is not None and not options.json.exists():  # it may be /dev/stdout
-        _expect_writable("--json", options.json.parent)
+    if options.json is not None:
+        expect_json_file(options.json)
+        if not options.json.exists():  # it may be /dev/stdout
+            _expect_writable("--json", options.json.parent)
     if options.plots is not None:
         _expect_writable("--plots", options.plots)
     subject, about = _subject(options)
@@ -74,13 +75,15 @@ def _evaluate(options: EvalOptions) -> None:
         _echo(f"{what}: not scored: {why}")
     written: list[Path] = []
     if options.json is not None:
-        written.append(_write_json(options.json, figures))
+        write_json_file(options.json, figures)
+        written.append(options.json)
     folder = options.plots or _writable_folder(options.run)
     if folder is not None:
         from hsslam_node.evaluation.plots import draw_plots  # matplotlib is slow to import
 
         written += draw_plots(found, subject.trajectories, folder)
-    beside = folder or (options.json.parent if options.json else None)
+    is_file = options.json is not None and options.json.is_file()
+    beside = folder or (options.json.parent if options.json and is_file else None)
     if found.judge is not None and beside is not None:
         poses = found.judge.virtual_poses
         path = beside / _VIEWS_FILE
@@ -148,14 +151,6 @@ def _expect_writable(option: str, folder: Path) -> None:
         raise UserError(
             f"{option} {folder}: {error.strerror}: expected a folder that can be written"
         ) from None
-
-
-def _write_json(path: Path, figures: dict[str, Any]) -> Path:
-    try:
-        write_atomically(path, msgspec.json.format(msgspec.json.encode(figures)))
-    except OSError as error:
-        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
-    return path
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_node.export.gltf_file import write_glb
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.reader import Say
 
@@ -21,6 +21,7 @@ def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name
         if name.endswith(".glb"):
-            mesh.apply_transform(OPENGL_FROM_OPENCV)
-        mesh.export(path)
+            write_glb(path, mesh)
+        else:
+            mesh.export(path)
         yield f"{path}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"

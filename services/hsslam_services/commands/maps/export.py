@@ -10,6 +10,7 @@ from trimesh import Trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
+from hsslam_node.export.gltf_file import write_glb
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.export.pcd_file import pcd_bytes
 from hsslam_node.export.usd_file import expect_usd, write_usd
@@ -121,9 +122,10 @@ def _write_mesh(out: Path, _: SavedMap, mesh: Trimesh) -> str:
     return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
 
 
-def _write_y_up(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
-    mesh.apply_transform(OPENGL_FROM_OPENCV)
-    return _write_mesh(out, saved, mesh)
+def _write_glb(out: Path, _: SavedMap, mesh: Trimesh) -> str:
+    with out_file(out) as partial:
+        write_glb(partial, mesh)
+    return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
 
 
 def _write_usd(out: Path, _: SavedMap, mesh: Trimesh) -> str:
@@ -164,7 +166,7 @@ def _by_suffix() -> dict[str, Format]:
 _KINDS: Mapping[Format, _Kind] = MappingProxyType(
     {
         "ply": _Kind("mesh.ply", _file(".ply"), _write_mesh),
-        "glb": _Kind("mesh.glb", _file(".glb"), _write_y_up),
+        "glb": _Kind("mesh.glb", _file(".glb"), _write_glb),
         "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
         "usd": _Kind("mesh.usd", _expect_usd, _write_usd),
         "pcd": _Kind("points.pcd", _file(".pcd"), _write_points),

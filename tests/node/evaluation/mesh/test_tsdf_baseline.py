@@ -1,6 +1,7 @@
 """The TSDF that maps are compared with."""
 
 import builtins
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,9 @@ def test_exact_depth_at_true_poses_gives_the_true_surface():
     pytest.importorskip("open3d", exc_type=ImportError)
     truth = open_ground_truth("synth:room", OPTIONS)
     assert truth is not None
-    posed = zip(room_frames(), truth.T_world_cam, strict=True)
+    posed = [*zip(room_frames(), truth.T_world_cam, strict=True)]
+    blind = replace(posed[0][0], depth_raw=np.zeros_like(posed[0][0].depth_raw))
+    posed.insert(1, (blind, posed[0][1]))
     (mesh,) = fuse_tsdfs(posed, [TsdfOptions(voxel_m=0.03)]).values()
     surface = truth.mesh()
     assert surface is not None

@@ -103,6 +103,20 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_measured(t
         assert told.startswith(f"error: {option} {tmp_path}/file")
 
 
+def test_scores_go_to_a_pipe_and_not_into_a_folder(result, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    poses = ("--trajectory", str(result / "trajectory.txt"), *_SOURCE, "--no-consistency")
+    main([*poses, "--json", "/dev/stdout"])
+    told = capfd.readouterr().out
+    start, end = told.index("\n{\n") + 1, told.rindex("\n}\n") + 3
+    assert json.loads(told[start:end])["source"] == "synth:room"
+    assert Path("/dev/stdout").is_symlink() and not Path("/dev/virtual_views.txt").exists()
+    with pytest.raises(SystemExit) as left:
+        main([*poses, "--json", str(tmp_path)])
+    text = f"error: --json {tmp_path}: is a folder: expected a file to write\n"
+    assert (left.value.code, capfd.readouterr().err) == (2, text)
+
+
 def test_a_mesh_that_no_camera_sees_is_told(result, tmp_path, capsys):
     """As one in mm."""
     mesh = trimesh.load(result / "mesh.ply", process=False, force="mesh")

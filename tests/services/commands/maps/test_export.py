@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.geometry.triangles import triangle_mesh
 from hsslam_services.commands.maps.command import main
 
 _COARSE = ("--voxel", "0.08", "--device", "cpu")
@@ -25,7 +26,7 @@ def _colors(mesh) -> np.ndarray:
 def test_a_mesh_keeps_vertices_triangles_and_colours(mapped_run, mesh, tmp_path, capsys, kind):
     out = tmp_path / f"room.{kind}"
     assert main(["export", str(mapped_run), "--format", kind, "-o", str(out), *_COARSE]) == 0
-    found = trimesh.load_mesh(out, process=False)
+    found = triangle_mesh(out, "a mesh")
     told = f"{out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles\n"
     assert capsys.readouterr().out == told
     expected = np.array(mesh.vertices)
