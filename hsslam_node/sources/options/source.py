@@ -72,6 +72,8 @@ class SourceOptions:
     ros2: Ros2Options = field(default_factory=Ros2Options)
     bag: BagOptions = field(default_factory=BagOptions)
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
+    is_reopened: bool = False
+    """A run opens its live camera again, which goes on without sensors that are silent; not an option."""
 
     def __post_init__(self) -> None:
         if self.noise not in ("none", "kinect"):

@@ -31,7 +31,7 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     reported = ""
     for _ in worker.tries():
         try:
-            options = _rest(worker.run.source_options, after)
+            options = replace(_rest(worker.run.source_options, after), is_reopened=had_frames)
             source = open_any_source(worker.options.source, options, worker.should_stop)
             if had_frames:
                 _expect_same_camera(worker, source)

@@ -159,8 +159,9 @@ class Ros2Source:
         camera, pair, problem = None, None, ""
         broken: list[tuple[RawImage, RawImage]] = []
         deadline = time.monotonic() + self._options.ros2.timeout_s
+        needs_sensors = not self._options.is_reopened
         while (
-            camera is None or pair is None or self._sensors.silent
+            camera is None or pair is None or (needs_sensors and self._sensors.silent)
         ) and time.monotonic() < deadline:
             if self._should_stop():
                 raise UserError(f"source ros2:{name}: stopped before the first frame")
@@ -188,6 +189,10 @@ class Ros2Source:
                 f"{problem or self._sensors.problem or self._why_none()}; heard: {self._heard()}"
             )
         if silent := self._sensors.silent:
+            if not needs_sensors:
+                text = f"{silent.topic}: silent since the camera is opened again: frames go on without it"
+                self.reports.add(Report(f"{silent.topic}: silent", text))
+                return camera, pair
             raise UserError(
                 f"source ros2:{name}: no {silent.name} within {self._options.ros2.timeout_s:g} s on "
                 f"{silent.topic}{self._sensors.problem}: expected {silent.type_name}, or no "

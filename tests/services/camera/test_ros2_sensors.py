@@ -11,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import so3_exp, transform
 from hsslam_node.inertial.reading import motion_between
+from hsslam_node.sources.reports import reports_of
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
@@ -33,6 +34,12 @@ def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
     ros_camera.start(room)
     with pytest.raises(UserError, match=r"no odometry within 0\.5 s on /wheels/odom: expected nav"):
         open_any_source("ros2:/camera", asked)
+    again = open_any_source("ros2:/camera", replace(asked, is_reopened=True))
+    (told,) = reports_of(again).take()
+    assert told.text.startswith("/wheels/odom: silent since the camera is opened again")
+    frames = again.frames()
+    assert isinstance(next(frames), Frame)
+    frames.close()
     asked = replace(asked, base_T_camera=mount, ros2=replace(asked.ros2, timeout_s=10.0))
     driving = threading.Timer(0.3, drive)
     driving.start()
