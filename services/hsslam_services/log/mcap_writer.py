@@ -125,11 +125,21 @@ class McapLog:
         self._check_space()
         return True
 
-    def close(self) -> int:
-        """Write the index, sync to disk, close; returns the number of bytes lost to a full disk."""
+    def finish(self) -> int:
+        """Write the index; returns the number of bytes lost to a full disk. A thread syncs and closes."""
         self._writer.finish()
-        self._file.close()
+        self._file.release()
         return self._file.pending_bytes
+
+    def wait_until_closed(self) -> None:
+        """Wait until all of a finished log is on the disk."""
+        self._file.wait_until_closed()
+
+    def close(self) -> int:
+        """`finish`, and wait until all is on the disk."""
+        lost_bytes = self.finish()
+        self.wait_until_closed()
+        return lost_bytes
 
     def _is_full(self) -> bool:
         return self._file.pending_bytes > _MOST_PENDING_BYTES

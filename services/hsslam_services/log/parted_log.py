@@ -58,6 +58,7 @@ class PartedLog:
         self._closed_refused = 0
         self.removed: list[str] = []
         self._part = self._next_part()
+        self._previous: McapLog | None = None  # a slow disk may still take it
 
     @property
     def path(self) -> Path:
@@ -92,8 +93,8 @@ class PartedLog:
 
     @property
     def sync_error(self) -> str:
-        """As in `McapLog`."""
-        return self._part.sync_error
+        """As in `McapLog`, also of the previous part."""
+        return self._part.sync_error or (self._previous.sync_error if self._previous else "")
 
     @property
     def place(self) -> tuple[Path, int, dict[int, str]]:
@@ -111,7 +112,13 @@ class PartedLog:
 
     def close(self) -> int:
         """Finish the last part; returns the number of bytes lost to a full disk, normally 0."""
-        return self._lost_bytes + self._part.close()
+        self._lost_bytes += self._part.close()
+        self._wait_for_previous()
+        return self._lost_bytes
+
+    def _wait_for_previous(self) -> None:
+        if self._previous is not None:
+            self._previous.wait_until_closed()
 
     def _turn_if_full(self) -> None:
         limit, keep = self.settings.part_bytes, self.settings.keep_bytes
@@ -121,7 +128,9 @@ class PartedLog:
         if limit is None or self._part.bytes_written < limit or self._part.space_is_short:
             return
         following = self._next_part()
-        self._lost_bytes += self._part.close()
+        self._wait_for_previous()
+        self._lost_bytes += self._part.finish()
+        self._previous = self._part
         self._closed_counts += self._part.counts
         self._closed_refused += self._part.refused
         self._part = following

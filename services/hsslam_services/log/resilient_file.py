@@ -71,11 +71,14 @@ class ResilientFile:
         """Bytes accepted so far."""
         return self._position
 
-    def close(self) -> None:
-        """Flush, sync to disk, close; bytes that still wait are lost."""
+    def release(self) -> None:
+        """Flush; bytes that still wait are lost. Another thread syncs to disk and closes the file."""
         self.flush()
         self._syncing.stop()
-        os.close(self._fd)
+
+    def wait_until_closed(self) -> None:
+        """Wait for the end of `release`."""
+        self._syncing.join()
 
     def _try_write(self, data: bytes | bytearray | memoryview) -> int:
         try:
@@ -87,7 +90,7 @@ class ResilientFile:
 
 
 class _Syncing(threading.Thread):
-    """Syncs the folder first, then the file at each request and at the end."""
+    """Syncs the folder first, then the file at each request and at the end; closes it."""
 
     def __init__(self, fd: int, folder: Path) -> None:
         super().__init__(name="log sync", daemon=True)
@@ -104,7 +107,6 @@ class _Syncing(threading.Thread):
     def stop(self) -> None:
         self._stopped = True
         self._requested.set()
-        self.join()
 
     def run(self) -> None:
         self._try(lambda: sync_folder(self._folder))
@@ -114,6 +116,7 @@ class _Syncing(threading.Thread):
             self._requested.clear()
             is_last = self._stopped
             self._try(lambda: os.fdatasync(self._fd))
+        os.close(self._fd)
 
     def _try(self, sync) -> None:
         try:

@@ -1,6 +1,8 @@
 """A log in parts: each opens alone, together they are the log, and the oldest may go."""
 
+import os
 import re
+import threading
 
 from mcap.reader import make_reader
 from rich.table import Table
@@ -10,6 +12,7 @@ from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.run_messages import Event
 from hsslam_services.commands.log.info import log_info
+from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.log.parts import parts
 from hsslam_services.log.reader import bus_messages, log_parts
@@ -40,6 +43,29 @@ def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
         found += [sequence for _, sequence in part]
     assert found == list(range(2000))
     assert [logged.message().index for logged in bus_messages(files)] == list(range(2000))
+
+
+def test_a_slow_disk_delays_no_message_when_a_part_is_full(tmp_path, monkeypatch):
+    is_written, in_time = threading.Event(), []
+    to_disk = os.fdatasync
+
+    def slowly(fd: int) -> None:
+        in_time.append(is_written.wait(20))
+        to_disk(fd)
+
+    monkeypatch.setattr(os, "fdatasync", slowly)
+    log = PartedLog(tmp_path, "r", LogSettings(part_bytes=40_000))
+    written = 0
+    while log.path.name == "run.mcap":
+        log.write(topics.POSE, encode(topics.POSE, pose(written)), written, written, written)
+        log._part._writer.flush()
+        written += 1
+    assert written > 1 and not is_written.is_set()
+    is_written.set()
+    assert log.close() == 0 and all(in_time)
+    files = log_parts(tmp_path, print)
+    assert len(files) == 2 and all(map(is_finished, files))
+    assert [logged.message().index for logged in bus_messages(files)] == list(range(written))
 
 
 def test_a_clock_that_is_set_during_the_log_costs_no_message_and_no_order(tmp_path):
