@@ -11,6 +11,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.source import BadFrame
 
 GAPS_FRAMES = (10, 30, 100)
 START_EVERY = 10  # frames between the first frames of pairs
@@ -36,7 +37,7 @@ class Consistency:
 
 
 def consistency(
-    frames: Iterable[Frame],
+    frames: Iterable[Frame | BadFrame],
     trajectories: Mapping[str, Trajectory],
     gaps_frames: Sequence[int] = GAPS_FRAMES,
 ) -> dict[str, list[Consistency]]:
@@ -46,7 +47,7 @@ def consistency(
 
     A pair starts at each frame. Every pixel with depth of the first is warped into the second; its
     depth is compared with that of the nearest pixel, its grey value with the interpolated one. Pixels
-    that differ by 10 cm or more in depth are left out.
+    that differ by 10 cm or more in depth are left out. A frame that cannot be read has no pair.
     """
     poses_of = {
         name: dict(zip(trajectory.stamps_ns.tolist(), trajectory.T_world_cam, strict=True))
@@ -56,7 +57,7 @@ def consistency(
     found: dict[str, dict[int, list[_Pair | None]]] = {
         name: {gap: [] for gap in gaps_frames} for name in trajectories
     }
-    recent: deque[Frame] = deque(maxlen=max(steps.values()) + 1)
+    recent: deque[Frame | BadFrame] = deque(maxlen=max(steps.values()) + 1)
     for frame in frames:
         recent.append(frame)
         for name, pose_of in poses_of.items():
@@ -76,8 +77,12 @@ def _summary(gap_frames: int, found: Sequence[_Pair | None]) -> Consistency:
     return Consistency(gap_frames, depth_m, 1.0 - ncc, len(pairs), possible)
 
 
-def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> _Pair | None:
-    """How two frames agree; None: no overlap, or no pose."""
+def _pair(
+    a: Frame | BadFrame, b: Frame | BadFrame, pose_of: Mapping[int, np.ndarray]
+) -> _Pair | None:
+    """How two frames agree; None: no overlap, no pose, or not both can be read."""
+    if isinstance(a, BadFrame) or isinstance(b, BadFrame):
+        return None
     if a.stamp_ns not in pose_of or b.stamp_ns not in pose_of:
         return None
     T_b_a = inverse(pose_of[b.stamp_ns]) @ pose_of[a.stamp_ns]

@@ -34,7 +34,7 @@ from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import Source
+from hsslam_node.sources.source import BadFrame, Source
 
 _UNSEEN = "no camera sees any of it: expected metres, in the world of the trajectory"
 
@@ -219,7 +219,7 @@ class Evaluator:
         trajectories = {"estimated": self._final}
         if self._truth is not None:
             trajectories["given"] = self._truth.trajectory
-        return consistency(self._frames(START_EVERY, "consistency"), trajectories)
+        return consistency(self._items(START_EVERY, "consistency"), trajectories)
 
     @property
     def _final(self) -> Trajectory | None:
@@ -238,11 +238,14 @@ class Evaluator:
                 yield frame, pose_of[frame.stamp_ns]
 
     def _frames(self, every: int, what: str, first: int = 0) -> Iterator[Frame]:
+        for item in self._items(every, what, first):
+            if isinstance(item, Frame):
+                yield item
+
+    def _items(self, every: int, what: str, first: int = 0) -> Iterator[Frame | BadFrame]:
         s = self._subject
         chosen = EveryNth.of_run(partial(s.open_it, s.source), s.options, every, first)
-        for frame in self._track(chosen, chosen.count, description=what):
-            if isinstance(frame, Frame):
-                yield frame
+        return iter(self._track(chosen, chosen.count, description=what))
 
 
 def _span(trajectory: Trajectory) -> str:

@@ -1,11 +1,14 @@
 """Agreement of frames with each other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hsslam_node.evaluation.consistency import Consistency, consistency
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.source import BadFrame
 from tests.small_room import room_frames, room_poses
 
 
@@ -54,6 +57,15 @@ def test_where_the_world_lies_does_not_matter(frames):
 def test_a_lost_frame_is_a_pair_less(frames):
     found = _consistency(frames, _trajectory(frames[1:], room_poses()[10::10]), 10)
     assert (found.pairs, found.possible) == (2, 3)
+
+
+def test_a_frame_that_cannot_be_read_makes_no_pair_of_its_neighbours(frames):
+    trajectory = _trajectory(frames, room_poses()[::10])
+    bad = BadFrame(1, frames[1].stamp_ns, "damaged")
+    found = _consistency([frames[0], bad, *frames[2:]], trajectory, 10)
+    assert (found.pairs, found.possible) == (1, 3)
+    pairs = [frames[2], frames[3]]
+    assert found == replace(_consistency(pairs, trajectory, 10), possible=3)
 
 
 def test_frames_that_see_nothing_in_common_have_no_pair(frames):
