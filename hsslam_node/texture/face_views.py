@@ -36,13 +36,16 @@ def views_of_faces(
     color: np.ndarray,
     depth_m: np.ndarray,
     T_world_cam: np.ndarray,
+    hidden: np.ndarray,
 ) -> FaceViews:
     """The triangles of a mesh that a keyframe with `color` [H, W, 3] uint8 RGB at T_world_cam [4, 4] shows.
 
     A triangle is unoccluded if no other one is in front of it, and if the measured depth [H, W] m is missing
-    or agrees with it. So objects that have moved give no colour.
+    or agrees with it. So objects that have moved give no colour. The pixels `hidden` [H, W] bool show no
+    triangle.
     """
     drawn_m, _ = render_depth(mesh, camera, T_world_cam)
+    drawn_m[hidden] = 0.0
     grey = color.mean(axis=2, dtype=np.float32)
     slope = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)) / 8
     nearest_m = cv2.erode(

@@ -27,6 +27,7 @@ from hsslam_node.texture.tiles import IN_TILE_PX, TILE_PX, Tiles
 
 _SMALLER = 0.9
 _LEAST_SCALE = 0.1  # of charts: less is no texture
+_LEAST_KEYFRAMES = 5  # that show which pixels never have depth
 _WITH_TILES = 1.5  # width of an image, times that of charts that take half of it, with some waste
 ColorOf = Callable[[int], np.ndarray]
 
@@ -57,9 +58,10 @@ def textured_mesh(
     chunks = chunked_mesh(vertices, faces)
 
     def look(k: int) -> FaceViews:
-        return views_of_faces(chunks, camera, color_of(k), keyframes.depth_m(k), poses[k])
+        return views_of_faces(chunks, camera, color_of(k), keyframes.depth_m(k), poses[k], hidden)
 
     with ThreadPoolExecutor(threads) as pool:
+        hidden = _without_depth(keyframes, pool)
         view, gain = choose_views(faces, list(pool.map(look, range(len(poses)))))
     charts = cut_charts(vertices, faces, view, camera, poses)
     unseen = faces[view == NO_VIEW]
@@ -131,6 +133,16 @@ def _brightened(image: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """The image [H, W, 3] uint8 times a gain [3] for each colour."""
     table = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)
     return cv2.LUT(image, table[None])
+
+
+def _without_depth(keyframes: MapKeyframes, pool: ThreadPoolExecutor) -> np.ndarray:
+    """Pixels [H, W] bool that have no depth in any keyframe: `--mask` leaves out what they show."""
+    hidden = np.full((keyframes.camera.height_px, keyframes.camera.width_px), True)
+    if len(keyframes) < _LEAST_KEYFRAMES:
+        return ~hidden
+    for has_depth in pool.map(lambda k: keyframes.depth_m(k) > 0, range(len(keyframes))):
+        hidden &= ~has_depth
+    return hidden
 
 
 def _paste(

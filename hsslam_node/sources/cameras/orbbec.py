@@ -10,6 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.image_decoding import decoded_rgb
 from hsslam_node.sources.cameras.driver import chosen_camera, driver
 from hsslam_node.sources.cameras.watched import WatchedCamera
 from hsslam_node.sources.files.undistortion import Undistortion
@@ -161,9 +162,9 @@ def rgb_image(data: np.ndarray, form: str, width: int, height: int) -> np.ndarra
         if form in _FROM_YUV:
             return cv2.cvtColor(data.reshape(height, width, 2), _FROM_YUV[form])
         if form == "MJPG":
-            image = cv2.imdecode(data, cv2.IMREAD_COLOR)
-            if image is not None and image.shape[:2] == (height, width):
-                return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+            decoded = decoded_rgb(data)
+            if decoded is not None and decoded.shape[:2] == (height, width):
+                return decoded
             raise ValueError
     except ValueError:
         raise UserError(

@@ -1,5 +1,7 @@
 """A wall with a pattern, seen by a few keyframes: which of them gives the colours, and where they lie."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -108,6 +110,20 @@ def test_what_stood_before_the_wall_gives_it_no_colour():
     keyframes = MapKeyframes(_CAMERA, plain.ids, plain.stamps_ns, plain.T_world_cam, depth_m)
     textured = textured_mesh(_wall(), keyframes, [with_person, true].__getitem__, 1024)
     assert _drawn_psnr(textured, true) > 28
+
+
+def test_pixels_that_a_mask_leaves_out_give_no_colour():
+    """As those that show the robot itself, which have no depth in any keyframe."""
+    true, depth = _image(_WALL_M), np.full((_CAMERA.height_px, _CAMERA.width_px), _WALL_M)
+    with_robot, depth = true.copy(), depth.astype(np.float32)
+    with_robot[40:80, 60:100], depth[40:80, 60:100] = (255, 0, 255), 0.0
+    plain = _keyframes(*[_WALL_M] * 5)
+    keyframes = replace(plain, depth_m=lambda _: depth)
+    textured = textured_mesh(_wall(), keyframes, lambda _: with_robot, 1024)
+    image, _ = MeshView(textured).draw(_CAMERA, np.eye(4))
+    np.testing.assert_allclose(255 * image[45:75, 65:95], 128, atol=1)
+    beside = np.s_[45:75, 105:120]
+    assert psnr_db(image[beside], true[beside] / 255.0) > 30
 
 
 def test_what_no_keyframe_sees_has_the_colours_of_vertices():

@@ -59,6 +59,7 @@ def test_colour_of_orbbec_in_each_format():
     [
         (b"\0" * 70, "RGB", "colour of 70 bytes: expected RGB of 6 x 4"),
         (b"\0" * 70, "MJPG", "colour of 70 bytes: expected MJPG of 6 x 4"),
+        (b"", "MJPG", "colour of 0 bytes: expected MJPG of 6 x 4"),
         (b"\0" * 72, "H264", "colour has format H264: expected RGB, BGR, MJPG"),
     ],
 )
