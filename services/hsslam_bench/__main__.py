@@ -17,7 +17,7 @@ from rich.text import Text
 
 from hsslam_bench.batch.lockstep_tasks import measure_as_tasks
 from hsslam_bench.checks.catalogue import catalogue
-from hsslam_bench.checks.check import Check, Row, perform, select
+from hsslam_bench.checks.check import NO_FIGURE, Check, Row, perform, select
 from hsslam_bench.options import BenchOptions
 from hsslam_bench.peers.command import peers_command
 from hsslam_bench.result_commands import RESULT_COMMANDS
@@ -106,7 +106,10 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
         text = f"warning: the code has changed meanwhile: commits {result.commit}: measure again"
         console.print(text, soft_wrap=True)
     console.print(f"results: {out}", soft_wrap=True)
-    return int(interrupted or any(row.verdict == "NOT MET" for row in rows))
+    is_empty = all(row.verdict in NO_FIGURE for row in rows)
+    if is_empty and not interrupted:
+        print("error: no row could be measured", file=sys.stderr)
+    return int(interrupted or is_empty or any(row.verdict == "NOT MET" for row in rows))
 
 
 def _measure(

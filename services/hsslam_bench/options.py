@@ -26,8 +26,8 @@ class BenchOptions:
     Every hsslam-serve gets the options after --; the figures then do not follow the protocol. With --docs the
     command writes tables into documents and measures nothing.
 
-    Exit codes: 0 if all bounds are met, 1 if a bound is not met or the command is interrupted, 2 if the input
-    is bad.
+    Exit codes: 0 if all bounds of the measured rows are met, 1 if a bound is not met, no row could be
+    measured or the command is interrupted, 2 if the input is bad.
 
     Raises:
         UserError: options that exclude or need each other.

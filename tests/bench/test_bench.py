@@ -85,7 +85,7 @@ def test_a_viewer_is_attached_and_core_time_is_counted(tmp_path: Path):
 def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
     only = ("--only", "ate:house", "mesh", "paper", "--data", str(tmp_path))
     result = run_main(main, "--out", str(tmp_path / "result.json"), *only)
-    assert result.returncode == 0, result.stderr
+    assert (result.returncode, result.stderr) == (1, "error: no row could be measured\n")
     assert f"skipped ate:house: {tmp_path / 'house'} is not on disk" in result.stdout
     rows = read_report(tmp_path / "result.json").rows
     assert [row.verdict for row in rows] == ["skipped"] * 14

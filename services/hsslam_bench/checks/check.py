@@ -10,6 +10,7 @@ from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.errors import UserError, did_you_mean
 
 Verdict = Literal["ok", "NOT MET", "measured", "skipped", "not measured"]
+NO_FIGURE: tuple[Verdict, ...] = ("skipped", "not measured")
 Better = Literal["lower", "higher", ""]  # "": neither
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Column, Table
 from rich.text import Text
 
-from hsslam_bench.checks.check import Better, Row
+from hsslam_bench.checks.check import NO_FIGURE, Better, Row
 from hsslam_bench.results.report import Report
 
 _NOTABLE = 0.05  # relative change that counts as better or worse
@@ -82,7 +82,7 @@ def _in_both(before: Report, after: Report) -> list[tuple[Row, Row]]:
 
 
 def _measured(found: Report) -> set[str]:
-    return {row.name for row in found.rows if row.verdict not in ("skipped", "not measured")}
+    return {row.name for row in found.rows if row.verdict not in NO_FIGURE}
 
 
 def _differences(old: Row, new: Row) -> Iterator[str]:

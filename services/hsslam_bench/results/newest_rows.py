@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_bench.checks.catalogue import catalogue
-from hsslam_bench.checks.check import Check, Row, unmeasured
+from hsslam_bench.checks.check import NO_FIGURE, Check, Row, unmeasured
 from hsslam_bench.results.report import Report, read_report, write_report
 from hsslam_node.errors import UserError
 
@@ -34,7 +34,7 @@ class NewestRows:
             for row in found.rows:
                 if row.name not in rows or row.definition != wanted[row.name].definition:
                     continue
-                is_measured = row.verdict not in ("skipped", "not measured")
+                is_measured = row.verdict not in NO_FIGURE
                 if is_measured or row.verdict == rows[row.name].verdict == "not measured":
                     rows[row.name], origin[row.name] = row, found
         return NewestRows(list(checks.values()), rows, origin)
