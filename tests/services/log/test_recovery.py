@@ -96,8 +96,8 @@ def test_one_damaged_word_costs_one_chunk_and_the_original_stays(tmp_path):
             log._flushed_s = 0.0
             log.tick()
     log._writer.add_attachment(1, 1, "note.txt", "text/plain", b"a note")
-    log._file._syncing.stop()
-    os.close(log._file._fd)  # killed: no end
+    log._file.release()  # killed: no end
+    log._file.wait_until_closed()
     content = bytearray(path.read_bytes())
     content[len(content) // 4 : len(content) // 4 + 4] = bytes(4)
     path.write_bytes(content)
