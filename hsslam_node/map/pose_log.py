@@ -23,7 +23,7 @@ STATUS: dict[Status, int] = {
 }
 _HEADER, _NEWEST, _SLAB = "pose_header", "pose_newest", "pose_log."  # names of arrays
 _JOINS, _JOIN = "pose_joins", "pose_join."
-MOST_FRAGMENTS = 1023
+MOST_FRAGMENTS = 65_535
 _COUNT, _FRAGMENT = 0, 1  # fields of the header
 _MOST_CAMERAS = 64  # whose newest rows are noted
 

@@ -1,6 +1,7 @@
 """The keyframes that the live mesh has marked, and their poses: marks follow corrected poses."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.meshing.live_mesh import HasTime, LiveMesh
 from hsslam_node.meshing.sparse_space import SparseSpace
 
+DepthOf: TypeAlias = Callable[[int], np.ndarray | None]
 _MARGIN_M = 4.0  # around the bound: a keyframe may come before the map has grown to what it sees
 
 
@@ -47,7 +49,7 @@ class MarkedKeyframes:
         self,
         poses: np.ndarray,
         camera: Camera,
-        depth_m: Callable[[int], np.ndarray],
+        depth_m: DepthOf,
         has_time: HasTime,
     ) -> None:
         """Mark keyframes that are new or have moved, while there is time, and look at the blocks that grow.
@@ -55,16 +57,13 @@ class MarkedKeyframes:
         Args:
             poses: T_world_cam [n, 4, 4] of all keyframes now.
             camera: of all keyframes.
-            depth_m: gives the depth [H, W] of keyframe k, m.
+            depth_m: gives the depth [H, W] of keyframe k, m; None if it is retired: others show the same.
             has_time: called between keyframes; it marks at least one.
         """
-        first = len(self._marked_at)
-        end = first
-        while end < len(poses) and (end == first or has_time()):
-            self._mesh.space.observe(depth_m(end), camera, poses[end])
-            end += 1
-        self._is_behind = end < len(poses)
-        self._marked_at = np.concatenate([self._marked_at, poses[first:end]])
+        self._marked_at = _marked(
+            self._mesh.space, self._marked_at, poses, camera, depth_m, has_time
+        )
+        self._is_behind = len(self._marked_at) < len(poses)
         if self._second is None and self._moved(poses):
             self._second = SparseSpace(self._mesh.space.voxel_m, self._mesh.space.block_cells)
             self._second_at = np.zeros((0, 4, 4))
@@ -79,16 +78,12 @@ class MarkedKeyframes:
         space: SparseSpace,
         poses: np.ndarray,
         camera: Camera,
-        depth_m: Callable[[int], np.ndarray],
+        depth_m: DepthOf,
         has_time: HasTime,
     ) -> None:
-        first, count = len(self._second_at), len(self._marked_at)
-        end = first
-        while end < count and (end == first or has_time()):
-            space.observe(depth_m(end), camera, poses[end])
-            end += 1
-        self._second_at = np.concatenate([self._second_at, poses[first:end]])
-        if end < count:
+        count = len(self._marked_at)
+        self._second_at = _marked(space, self._second_at, poses[:count], camera, depth_m, has_time)
+        if len(self._second_at) < count:
             return
         self._mesh.take_space(space)
         self._marked_at, self._second = self._second_at, None
@@ -97,6 +92,23 @@ class MarkedKeyframes:
         known = min(len(poses), len(self._marked_at))
         shift_m = surface_shift_m(self._marked_at[:known], poses[:known])
         return shift_m > self._mesh.space.voxel_m  # smaller shifts stay within the marks
+
+
+def _marked(
+    space: SparseSpace,
+    before: np.ndarray,
+    poses: np.ndarray,
+    camera: Camera,
+    depth_m: DepthOf,
+    has_time: HasTime,
+) -> np.ndarray:
+    """Mark keyframes behind those at poses `before` [m, 4, 4]; returns the poses [k, 4, 4] of all marked."""
+    first = end = len(before)
+    while end < len(poses) and (end == first or has_time()):
+        if (depth := depth_m(end)) is not None:
+            space.observe(depth, camera, poses[end])
+        end += 1
+    return before if end == first else np.concatenate([before, poses[first:end]])
 
 
 def _wider(bound: Bound) -> Bound:

@@ -45,8 +45,10 @@ class TrajectoryFiles:
         }
 
     def section(self) -> dict[str, Any]:
-        """Pose statistics of the run for the summary; if there are several epochs, of this epoch too."""
-        section = pose_section(map(self._log.joined, self._log.slabs()))
+        """Pose statistics for the summary: of a run that ends, and of this epoch, if there are several."""
+        section: dict[str, Any] = {}
+        if not self._suffix:  # else each reset reads the rows of all epochs
+            section = pose_section(map(self._log.joined, self._log.slabs()))
         if (gravity := self._gravity) is not None:
             sigma_deg = math.degrees(gravity.sigma_rad)
             section["up"] = {"direction": list(gravity.up), "by": "gravity", "sigma_deg": sigma_deg}

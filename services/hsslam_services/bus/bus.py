@@ -113,6 +113,11 @@ class Bus:
         self._subscriptions.append(subscription)
         return subscription
 
+    def unsubscribe(self, subscription: Subscription[M]) -> None:
+        """Close a subscription of this bus and forget it with its counters."""
+        subscription.close()
+        self._subscriptions.remove(subscription)
+
     def state(self, topic: Topic[M]) -> Iterator[M]:
         """The current state of a topic that keeps its state, as messages; waits for its publisher.
 

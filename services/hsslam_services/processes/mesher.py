@@ -260,14 +260,13 @@ def _triangles(mesh: BlockMesh, space: SparseSpace) -> Triangles:
     return Triangles(space.vertex_positions(mesh.block, mesh.vertices), mesh.faces, mesh.colors)
 
 
-def _depth_m(store: KeyframeStore, max_depth_m: float, k: int) -> np.ndarray:
-    """Depth [H, W] float32 of keyframe k, 0 beyond `max_depth_m`; all 0 if it is retired, as other keyframes
-    show the same."""
+def _depth_m(store: KeyframeStore, max_depth_m: float, k: int) -> np.ndarray | None:
+    """Depth [H, W] float32 of keyframe k, 0 beyond `max_depth_m`; None if it is retired."""
     try:
         depth_m = store.frame(k).depth_m()
         return np.where(depth_m <= max_depth_m, depth_m, 0)
     except RetiredKeyframeError:
-        return np.zeros((store.camera.height_px, store.camera.width_px), np.float32)
+        return None
 
 
 if __name__ == "__main__":

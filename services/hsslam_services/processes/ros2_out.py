@@ -39,6 +39,7 @@ from hsslam_services.tracked.waiting_frames import WaitingFrames
 _POLL_S = 0.1
 _CONNECT_S = 1.0  # for a router to answer; delays the end of the run by at most this
 _PATH_S, _POINTS_S = 1.0, 0.2  # between messages
+_ROWS_A_POSE = 4096  # of the pose log that are read at once: 3 MB, some ms
 _MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
 
@@ -143,12 +144,16 @@ class Ros2Out:
         with self._worker.timed("ros2"):
             self._publish_pose(pose)
             now_s = time.monotonic()
-            if now_s >= self._next_path_s and self._path.has_subscribers():
+            is_path_due = now_s >= self._next_path_s and self._path.has_subscribers()
+            if is_path_due and self._knows_all_stamps():
                 self._next_path_s = now_s + _PATH_S
                 self._publish_path(pose)
             is_due = now_s >= self._next_points_s and not pose.is_dead_reckoned
             if is_due and self._points.has_subscribers():
                 self._publish_points(pose, now_s)
+            elif is_due and self._images is not None:  # they cost time
+                self._images.close()
+                self._images = None
 
     def _publish_pose(self, pose: Pose) -> None:
         stamp_ns, make, frames = self._stamp_ns(pose), self._messages, self.frames
@@ -200,20 +205,24 @@ class Ros2Out:
         if store is None or store.count == 0:
             return
         stamp_ns = self._stamp_ns(pose)
-        self._learn_stamps()
         path = keyframe_path(store, self.frames, self._clock, stamp_ns, _MOST_PATH_POSES)
         self._path.put(self._messages.path(stamp_ns, self.names.map, *path))
 
-    def _learn_stamps(self) -> None:
-        """Learn both stamps of new frames, also of those that this process did not hear."""
+    def _knows_all_stamps(self) -> bool:
+        """Learn both stamps of some more frames, also of those that this process did not hear; True: of all.
+
+        After hours the first subscriber of the path waits for seconds; transforms and poses go on.
+        """
         if self._has_ros_stamps:
-            return
+            return True
         count = self._log.count
-        for rows in self._log.slabs(range(self._learned, count)):
+        learned = min(self._learned + _ROWS_A_POSE, count)
+        for rows in self._log.slabs(range(self._learned, learned)):
             both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
             for source_ns, ros_ns in both:
                 self._clock.learn(source_ns, ros_ns)
-        self._learned = count
+        self._learned = learned
+        return learned == count
 
     def _publish_points(self, pose: Pose, now_s: float) -> None:
         """Publish the points of this pose's image in the camera's frame.

@@ -49,7 +49,7 @@ class FloorOut:
             self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
         if not self._distances.has_subscribers():
             if self._slices is not None:  # computing them costs time
-                self._slices.close()
+                self._bus.unsubscribe(self._slices)
                 self._slices = None
             return
         if self._slices is None:

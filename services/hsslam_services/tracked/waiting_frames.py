@@ -13,6 +13,7 @@ class WaitingFrames:
     """Subscribes to frames and returns the frame of a pose; then drops older frames."""
 
     def __init__(self, bus: Bus) -> None:
+        self._bus = bus
         self._frames = bus.subscribe(topics.FRAME, _FRAMES)
         self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()
 
@@ -27,3 +28,7 @@ class WaitingFrames:
         while len(self._waiting) > _FRAMES:
             self._waiting.popitem(last=False)
         return self._waiting.pop(of_pose, None)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._bus.unsubscribe(self._frames)

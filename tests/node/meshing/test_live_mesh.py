@@ -57,6 +57,15 @@ def test_blocks_grown_bit_by_bit_are_the_surface_of_the_final_mesh(scene, live):
     assert live.area() == pytest.approx(whole.area, rel=0.01)
 
 
+def test_keyframes_that_are_retired_mark_nothing(scene):
+    live = _Live(scene, 0)
+    none = lambda _: None  # noqa: E731
+    live.marked.mark(live.poses[:60], scene.camera, none, _always)
+    assert not live.marked.is_behind and not live.refresh().changed
+    live.mark(len(live.poses))
+    assert live.refresh().changed  # of those behind
+
+
 def test_nothing_changes_while_the_map_stands_still(scene, live):
     assert len(live.refresh().changed) > 50
     live.mark(60)

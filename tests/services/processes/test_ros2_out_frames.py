@@ -128,6 +128,18 @@ def test_frames_that_were_not_heard_do_not_shift_the_path(node, worker):
     assert [_stamp_ns(one) for one in path.poses] == stamps_ns
 
 
+def test_frames_are_received_only_while_a_node_wants_points(run, node, worker):
+    """They are 46 MB a second at 30 Hz."""
+    another = RosListener(run.endpoint)
+    another.hear("/hsslam/points")
+    with Bus(run.endpoint, run.robot, "camera") as camera:
+        frames = camera.publisher(topics.FRAME)
+        until(lambda: node.tell() and frames.has_subscribers(), 60)
+        another.close()
+        until(lambda: node.tell() and not frames.has_subscribers(), 60)
+    assert worker.bus.subscriptions == ()
+
+
 def test_a_speed_that_is_not_known_is_told_as_such(node):
     """Filters take zeros for sure: a robot that was found after a gap does not stand still."""
     node.listener.hear("/hsslam/odom")

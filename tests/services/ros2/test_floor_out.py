@@ -26,8 +26,10 @@ def test_slices_are_asked_for_while_a_node_subscribes_to_them(endpoint):
             return slices.has_subscribers()
 
         assert not is_asked()
+        before = bus.subscriptions
         listener = RosListener(endpoint)
         listener.hear("/hsslam/static_map_slice")
         until(is_asked, 60)
         listener.close()
         until(lambda: not is_asked(), 60)
+        assert bus.subscriptions == before  # each heartbeat reads their counters
