@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from hsslam_batch.attempt.commit import all_settled, settle_recordings
@@ -17,9 +18,11 @@ from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, OtherPlanError, read_batch
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
+from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.stop_signals import hear_stop_signals
 
@@ -45,7 +48,9 @@ def run_command(args: Sequence[str]) -> int:
             with _owned(batch, logs):
                 settle_recordings(batch, logs)
                 write_runs(batch, logs)
-        print(Tally(logs, filter(None, found.values())).line())
+        tally = Tally(logs, filter(None, found.values()))
+        _write_metrics(options.metrics_file, batch, tally)
+        print(tally.line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
     batch.expect_same_code()
     open_logs = {one.index for one in waiting}
@@ -64,6 +69,16 @@ def run_command(args: Sequence[str]) -> int:
             print(f"error: {tally.left} logs are left: expected none", file=sys.stderr)
         return _INTERRUPTED
     return _FAILED if tally.failed else 0
+
+
+def _write_metrics(path: Path | None, batch: Batch, tally: Tally) -> None:
+    """Write the counts of a batch that has nothing left to run."""
+    try:
+        MetricsFile(path, batch.about).write(tally, running=0)
+    except OSError as error:
+        raise UserError(
+            f"--metrics-file {path}: {error.strerror}: expected a file to write"
+        ) from None
 
 
 def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:

@@ -45,7 +45,9 @@ def test_the_table_has_what_work_has_mended_since(batch: Batch):
     assert run_command([str(batch.out)]) == 3
     os.utime(batch.out / "runs.parquet", ns=(0, 0))  # a moment before
     commit(batch, outcome(batch, 1), run_folder(batch, 1))  # as `hsslam-batch work` does
-    assert run_command([str(batch.out)]) == 0
+    metrics = batch.out.parent / "counts.prom"
+    assert run_command([str(batch.out), "--metrics-file", str(metrics)]) == 0
+    assert 'hsslam_batch_logs{state="left"} 0.0' in metrics.read_text()  # an alert of before ends
     rows = pq.read_table(batch.out / "runs.parquet").to_pylist()
     assert [row["kind"] for row in rows] == ["done", "done"]
 
