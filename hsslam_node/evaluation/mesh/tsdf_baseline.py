@@ -71,9 +71,10 @@ class TsdfVolume:
         self.truncation_m = self._options.truncation_m
 
     def integrate(self, frame: Frame, T_world_cam: np.ndarray) -> None:
-        """Integrate a frame with its pose [4, 4]; one without depth says nothing."""
+        """Integrate a frame with its pose [4, 4]; one without depth up to `max_depth_m` adds nothing."""
         options, o3d = self._options, self._o3d
-        if not (frame.depth_m() > 0).any():
+        depth_m = frame.depth_m()
+        if not ((depth_m > 0) & (depth_m <= options.max_depth_m)).any():
             return
         depth = o3d.t.geometry.Image(o3d.core.Tensor(frame.depth_raw))
         color = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(frame.color)))

@@ -21,7 +21,8 @@ def test_exact_depth_at_true_poses_gives_the_true_surface():
     assert truth is not None
     posed = [*zip(room_frames(), truth.T_world_cam, strict=True)]
     blind = replace(posed[0][0], depth_raw=np.zeros_like(posed[0][0].depth_raw))
-    posed.insert(1, (blind, posed[0][1]))
+    far = replace(posed[0][0], depth_raw=np.full_like(posed[0][0].depth_raw, 65_535))
+    posed[1:1] = [(blind, posed[0][1]), (far, posed[0][1])]
     (mesh,) = fuse_tsdfs(posed, [TsdfOptions(voxel_m=0.03)]).values()
     surface = truth.mesh()
     assert surface is not None
