@@ -74,6 +74,7 @@ def test_a_run_is_told_to_ros(serve, own_address, tmp_path):
         listener.hear_latched("/tf_static")  # after it was sent
         listener.wait_until(lambda: listener.count("/hsslam/pose") >= _FRAMES, 240)
         listener.wait_until(lambda: all(map(listener.count, _QOS)), 240)
+        listener.wait_until(lambda: "/initialpose: the camera is found at " in run.stderr, 120)
         run.signal(signal.SIGINT)
         assert run.finish() == 0, run.stderr
         listener.wait_until(lambda: listener.alive() == 0)
@@ -89,7 +90,6 @@ def test_a_run_is_told_to_ros(serve, own_address, tmp_path):
     _expect_map(heard["/hsslam/map"], logged)
     _expect_slice(heard["/hsslam/static_map_slice"], heard["/hsslam/map"])
     assert run.summary()["processes"]["ros2_out"]["restarts"] == 0
-    assert "/initialpose: the camera is found at " in run.stderr
 
 
 def _set_initial_pose(listener: RosListener) -> None:
