@@ -226,7 +226,9 @@ class PoseLog:
         slab = self._slabs.get(k)
         if slab is None:
             slab = self._arrays.create(_slab_name(k), (SLAB_ROWS,), POSE_ROW)
-            if k >= self.count // SLAB_ROWS:
+            full = self.count // SLAB_ROWS
+            self._slabs = {j: held for j, held in self._slabs.items() if j >= full}
+            if k >= full:
                 self._slabs[k] = slab
         return slab
 

@@ -125,3 +125,15 @@ def test_an_array_whose_file_on_the_disk_is_gone_is_an_error_and_not_zeros(folde
     (folder.path / "pose_log.000.bin").readlink().unlink()
     with pytest.raises(FileNotFoundError):
         Arena(folder.path).open("pose_log.000")
+
+
+def test_a_reader_of_a_growing_log_keeps_no_memory_of_rows_on_the_disk(folder, tmp_path):
+    arena, told = _Moved(folder.path), []
+    reader = PoseLog(Arena(folder.path))
+    for k in range(4):
+        _filled(arena, tmp_path / "run", k * SLAB_ROWS + 5, told)
+        assert sum(map(len, reader.slabs(range(k * SLAB_ROWS, reader.count)))) == 5
+    for _ in range(3):
+        assert arena.tried.acquire(timeout=30)
+    mapped = Path("/proc/self/maps").read_text().splitlines()
+    assert not [line for line in mapped if "pose_log." in line and line.endswith("(deleted)")]
