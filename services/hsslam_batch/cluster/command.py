@@ -22,7 +22,6 @@ from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
-from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.stop_signals import hear_stop_signals
 
@@ -72,13 +71,11 @@ def run_command(args: Sequence[str]) -> int:
 
 
 def _write_metrics(path: Path | None, batch: Batch, tally: Tally) -> None:
-    """Write the counts of a batch that has nothing left to run."""
+    """Write the counts of a batch that has nothing left to run; a warning if that fails, as during a run."""
     try:
         MetricsFile(path, batch.about).write(tally, running=0)
     except OSError as error:
-        raise UserError(
-            f"--metrics-file {path}: {error.strerror}: expected a file to write"
-        ) from None
+        print(f"warning: {path}: {error.strerror or error}: not written", file=sys.stderr)
 
 
 def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from hsslam_node.export.gltf_file import write_glb
+from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.reader import Say
 
@@ -20,8 +20,5 @@ def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
         say("mesh: the live one, which may lack parts of the map, as the log has no final mesh")
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name
-        if name.endswith(".glb"):
-            write_glb(path, mesh)
-        else:
-            mesh.export(path)
+        write_mesh(path, mesh)
         yield f"{path}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"

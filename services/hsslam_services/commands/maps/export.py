@@ -10,7 +10,7 @@ from trimesh import Trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
-from hsslam_node.export.gltf_file import write_glb
+from hsslam_node.export.mesh_file import write_mesh
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.export.pcd_file import pcd_bytes
 from hsslam_node.export.usd_file import expect_usd, write_usd
@@ -118,13 +118,7 @@ def export_map(options: ExportOptions) -> None:
 
 def _write_mesh(out: Path, _: SavedMap, mesh: Trimesh) -> str:
     with out_file(out) as partial:
-        mesh.export(partial)
-    return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
-
-
-def _write_glb(out: Path, _: SavedMap, mesh: Trimesh) -> str:
-    with out_file(out) as partial:
-        write_glb(partial, mesh)
+        write_mesh(partial, mesh)
     return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
 
 
@@ -166,7 +160,7 @@ def _by_suffix() -> dict[str, Format]:
 _KINDS: Mapping[Format, _Kind] = MappingProxyType(
     {
         "ply": _Kind("mesh.ply", _file(".ply"), _write_mesh),
-        "glb": _Kind("mesh.glb", _file(".glb"), _write_glb),
+        "glb": _Kind("mesh.glb", _file(".glb"), _write_mesh),
         "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
         "usd": _Kind("mesh.usd", _expect_usd, _write_usd),
         "pcd": _Kind("points.pcd", _file(".pcd"), _write_points),

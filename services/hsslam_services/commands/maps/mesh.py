@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
-from hsslam_node.export.gltf_file import write_glb
+from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import map_file
@@ -72,10 +72,7 @@ def _mesh(options: MeshOptions) -> None:
     path = options.expect_map()
     mesh = surface(SavedMap.open(path, options.device), path, options.voxel)
     with out_file(options.out) as partial:
-        if options.out.suffix.lower() == ".glb":
-            write_glb(partial, mesh)
-        else:
-            mesh.export(partial)
+        write_mesh(partial, mesh)
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
 
 

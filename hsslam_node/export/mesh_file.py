@@ -1,4 +1,4 @@
-"""Meshes with vertex colours as binary glTF; alone, as glTF has axes and a material of its own."""
+"""Meshes with vertex colours as files; apart, as glTF has axes and a material of its own."""
 
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,17 @@ _MATERIAL = {
 }
 
 
-def write_glb(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Write a mesh [m, y down and z forward] with y up and z back, matt, visible from both sides.
+def write_mesh(path: Path, mesh: trimesh.Trimesh) -> None:
+    """Write a mesh, m, y down and z forward, in the format of the suffix.
 
-    Source: glTF 2.0, 3.9 Materials.
+    A .glb has y up and z back, and is matt and visible from both sides. Source: glTF 2.0, 3.9 Materials.
 
     Raises:
         OSError: the file cannot be written.
     """
+    if path.suffix.lower() != ".glb":
+        mesh.export(path)
+        return
     turned = mesh.copy()
     turned.apply_transform(OPENGL_FROM_OPENCV)
     path.write_bytes(export_glb(trimesh.Scene(turned), tree_postprocessor=_make_matt))

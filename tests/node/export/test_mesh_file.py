@@ -5,7 +5,7 @@ import json
 import numpy as np
 import trimesh
 
-from hsslam_node.export.gltf_file import write_glb
+from hsslam_node.export.mesh_file import write_mesh
 from hsslam_node.geometry.triangles import triangle_mesh
 
 
@@ -14,7 +14,7 @@ def test_a_mesh_is_matt_and_seen_from_both_sides(tmp_path):
     path, colors = tmp_path / "mesh.glb", np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]])
     vertices = [[0.0, 0, 0], [1, 0, 0], [1, 1, 2]]
     mesh = trimesh.Trimesh(vertices, [[0, 1, 2]], vertex_colors=colors, process=False)
-    write_glb(path, mesh)
+    write_mesh(path, mesh)
     np.testing.assert_array_equal(mesh.vertices, vertices)  # as it was
     whole = path.read_bytes()
     tree = json.loads(whole[20 : 20 + int.from_bytes(whole[12:16], "little")])
