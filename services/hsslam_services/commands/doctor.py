@@ -22,7 +22,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
-from hsslam_services.commands.json_file import expect_json_file, write_json_file
+from hsslam_services.commands.output_files import expect_json_file, write_json_file
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import ALL_SOURCES
 

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,11 @@ from hsslam_services.commands.cli import exit_code, parse_options, terminal_prog
 from hsslam_services.commands.evaluate.options import EvalOptions
 from hsslam_services.commands.evaluate.subject import run_subject, source_of_run
 from hsslam_services.commands.evaluate.table import eval_table
-from hsslam_services.commands.json_file import expect_json_file, write_json_file
+from hsslam_services.commands.output_files import (
+    expect_json_file,
+    expect_writable_folder,
+    write_json_file,
+)
 from hsslam_services.log.reader import is_log
 from hsslam_services.log.source import RecordedSource, recorded_source
 from hsslam_services.run.summary import source_commit
@@ -47,10 +50,8 @@ def _options(args: Sequence[str]) -> EvalOptions:
 def _evaluate(options: EvalOptions) -> None:
     if options.json is not None:
         expect_json_file(options.json)
-        if not options.json.exists():  # it may be /dev/stdout
-            _expect_writable("--json", options.json.parent)
     if options.plots is not None:
-        _expect_writable("--plots", options.plots)
+        expect_writable_folder("--plots", options.plots)
     subject, about = _subject(options)
     wanted = Wanted(
         depth_views=options.depth_views,
@@ -127,7 +128,7 @@ def _writable_folder(run: str) -> Path | None:
         return None
     folder = Path(run) / "evaluation"
     try:
-        _expect_writable("--plots", folder)
+        expect_writable_folder("--plots", folder)
     except UserError as error:
         _echo(f"no plots: {str(error).removeprefix('--plots ')}, or --plots FOLDER")
         return None
@@ -136,21 +137,6 @@ def _writable_folder(run: str) -> Path | None:
 
 def _echo(text: str) -> None:
     print(text, file=sys.stderr)
-
-
-def _expect_writable(option: str, folder: Path) -> None:
-    """Make the folder before anything is measured.
-
-    Raises:
-        UserError: it cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise UserError(
-            f"{option} {folder}: {error.strerror}: expected a folder that can be written"
-        ) from None
 
 
 if __name__ == "__main__":

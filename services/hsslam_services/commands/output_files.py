@@ -1,0 +1,49 @@
+"""Files and folders that options name for results; checked before long work."""
+
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import msgspec
+
+from hsslam_node.durable_file import write_durably
+from hsslam_node.errors import UserError
+
+
+def expect_writable_folder(option: str, folder: Path) -> None:
+    """Make the folder of an option.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise UserError(
+            f"{option} {folder}: {error.strerror}: expected a folder that can be written"
+        ) from None
+
+
+def expect_json_file(path: Path) -> None:
+    """Make the folder of the file of `--json`; the file may be a pipe or a device, such as /dev/stdout.
+
+    Raises:
+        UserError: the path is a folder, or there can be no such file.
+    """
+    if path.is_dir():
+        raise UserError(f"--json {path}: is a folder: expected a file to write")
+    if not path.exists():
+        expect_writable_folder("--json", path.parent)
+
+
+def write_json_file(path: Path, document: Any) -> None:
+    """Write the file of `--json`, with line breaks.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    try:
+        write_durably(path, msgspec.json.format(msgspec.json.encode(document)) + b"\n")
+    except OSError as error:
+        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
