@@ -13,10 +13,13 @@ def keyframe_path(
     """Stamps, and poses [n, 4, 4] of `base_link` in `map`, of at most `most` evenly chosen keyframes.
 
     Stamps are on the clock of ROS. Keyframes of a saved map come from another run, perhaps with another
-    clock: their stamp is `now_ns`.
+    clock: their stamp is `now_ns`. A keyframe whose stamp the clock does not know yet is left out: the
+    tracker stores a keyframe before it logs the pose of its frame.
     """
     poses = store.poses()
+    source_ns = store.stamps_ns()  # perhaps of more keyframes
     ids = np.arange(0, len(poses), -(-len(poses) // most))
-    ros_ns = clock.ros_ns(store.stamps_ns()[ids])
+    ids = ids[(ids < store.inherited) | clock.is_known(source_ns[ids])]
+    ros_ns = clock.ros_ns(source_ns[ids])
     stamps_ns = np.where(ids < store.inherited, now_ns, ros_ns)
     return stamps_ns.tolist(), np.stack([robot.base_pose(T) for T in poses[ids]])

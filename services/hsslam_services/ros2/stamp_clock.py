@@ -16,6 +16,9 @@ class StampClock:
         # source stamps and offsets: the last of a constant offset, and the first of another
         self._steps: deque[tuple[int, int]] = deque(maxlen=_MOST)
         self._newest = (0, 0)
+        self._latest_ns = -(
+            2**63
+        )  # the greatest source stamp, also if the source's clock was set back
 
     def learn(self, source_ns: int, ros_ns: int) -> None:
         """Learn from a frame that has both stamps."""
@@ -27,6 +30,12 @@ class StampClock:
                 self._steps.append(self._newest)
             self._steps.append((source_ns, offset_ns))
         self._newest = (source_ns, offset_ns)
+        self._latest_ns = max(self._latest_ns, source_ns)
+
+    def is_known(self, source_ns: np.ndarray) -> np.ndarray:
+        """Whether a source stamp [n] int64 is not after all frames that the clock has learned from, [n] bool;
+        True if it has learned from none."""
+        return source_ns <= self._latest_ns if self._steps else np.ones(len(source_ns), bool)
 
     def ros_ns(self, source_ns: np.ndarray) -> np.ndarray:
         """ROS times [n] int64 of source stamps [n] int64; outside the known range with its nearest offset."""

@@ -33,6 +33,9 @@ def _continued() -> KeyframeStore:
 def test_keyframes_of_a_saved_map_have_the_stamp_of_the_message():
     store, robot, clock = _continued(), RobotFrames(), StampClock()
     clock.learn(3, _OFFSET_NS + 3)
+    stamps_ns, poses = keyframe_path(store, robot, clock, _NOW_NS, most=6)
+    assert stamps_ns == [_NOW_NS, _NOW_NS, _NOW_NS, _OFFSET_NS + 3] and len(poses) == 4  # yet
+    clock.learn(5, _OFFSET_NS + 5)
     own_ns = [_OFFSET_NS + k for k in (3, 4, 5)]
     stamps_ns, poses = keyframe_path(store, robot, clock, _NOW_NS, most=6)
     assert stamps_ns == [_NOW_NS, _NOW_NS, _NOW_NS, *own_ns]
