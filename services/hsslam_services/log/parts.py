@@ -47,6 +47,11 @@ def part_number(path: Path) -> int:
     return int(match.group(1) or 0) if match else 0
 
 
+def removed_before(existing: list[Path]) -> int:
+    """How many parts of a log have been removed, also by earlier recorders; `existing`: its parts."""
+    return part_number(existing[-1]) + 1 - len(existing) if existing else 0
+
+
 def remove_oldest(run_dir: Path, keep_bytes: int) -> list[Path]:
     """Remove the oldest parts, but never the newest, until the log fits `keep_bytes`; returns the removed.
 

@@ -1,7 +1,7 @@
 """The frames of a log as a source, `--source mcap:RUN`, and the source from which a log was recorded."""
 
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -197,15 +197,20 @@ def repeated_effects(options: ServeOptions) -> list[str]:
     ]
 
 
-def run_metadata(file: Path) -> dict[str, str]:
-    """Metadata of the run that wrote the log: `run_id`, `options`, ...; empty if the log has none.
+def run_metadata(files: Iterable[Path]) -> dict[str, str]:
+    """Metadata of the run that wrote the log: `run_id`, `options`, ...; empty if no part has them.
+
+    Each part has a copy; a recovered part may have lost it.
 
     Raises:
         UserError: the log is damaged.
     """
-    with log_reader(file) as reader:
-        records = list(reader.iter_metadata())
-    return next((record.metadata for record in records if record.name == RUN_METADATA), {})
+    for file in files:
+        with log_reader(file) as reader:
+            for record in reader.iter_metadata():
+                if record.name == RUN_METADATA:
+                    return record.metadata
+    return {}
 
 
 def logged_options(files: list[Path]) -> ServeOptions | None:
@@ -214,7 +219,7 @@ def logged_options(files: list[Path]) -> ServeOptions | None:
     Raises:
         UserError: the log is damaged.
     """
-    written = run_metadata(files[0]).get("options", "")
+    written = run_metadata(files).get("options", "")
     try:
         return msgspec.json.decode(written.encode(), type=ServeOptions)
     except (msgspec.MsgspecError, UserError):

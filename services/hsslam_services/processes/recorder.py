@@ -32,7 +32,7 @@ from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog, log_settings
-from hsslam_services.log.parts import parts
+from hsslam_services.log.parts import parts, removed_before
 from hsslam_services.log.recorded_so_far import RecordedSoFar
 from hsslam_services.log.unfinished_parts import UnfinishedParts
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
@@ -177,11 +177,12 @@ class Recorder:
                 "warning",
                 f"{self._log.path}: {missed} frames are not recorded: the recorder was too slow",
             )
+        existing = parts(self._run_dir)
         return {
             **self.counters(),
             "complete": lost_bytes == refused == 0,
-            "parts": [path.name for path in parts(self._run_dir)],
-            "removed_parts": len(self._log.removed),
+            "parts": [path.name for path in existing],
+            "removed_parts": removed_before(existing),
         }
 
     def _drain(self) -> None:

@@ -7,10 +7,12 @@ from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message
 
 _EVERY_S = 600.0  # a late viewer finds all blocks at most this long before its time
+_LEAST_S = 10.0  # between two requests: the answers may fill a small part, and the next ones
 
 
 class WholeMesh:
-    """Schedules requests for all blocks: each part of the log and each run.<k>.rrd must open alone.
+    """Schedules requests for all blocks: each part of the log and each run.<k>.rrd must open alone, except
+    parts that last less than 10 s.
 
     A web viewer that connects late needs all blocks, too, as its server drops the oldest data.
 
@@ -26,7 +28,7 @@ class WholeMesh:
 
     def is_due(self, part: Path, now_s: float) -> bool:
         """Whether to ask for all blocks now; `part`: current part of the log."""
-        if part == self._part and now_s - self._asked_s < _EVERY_S:
+        if now_s - self._asked_s < (_EVERY_S if part == self._part else _LEAST_S):
             return False
         self._is_in_file = part == self._part
         self._part, self._asked_s, self._has_asked = part, now_s, True

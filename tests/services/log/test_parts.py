@@ -1,4 +1,4 @@
-from hsslam_services.log.parts import next_part, parts, remove_oldest
+from hsslam_services.log.parts import next_part, parts, remove_oldest, removed_before
 
 
 def test_parts_are_in_order(tmp_path):
@@ -23,3 +23,10 @@ def test_the_file_for_rerun_counts_and_goes_with_its_part(tmp_path):
     assert remove_oldest(tmp_path, 4000) == []
     assert [path.name for path in remove_oldest(tmp_path, 3999)] == ["run.mcap"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.1.mcap", "run.1.rrd"]
+
+
+def test_numbers_say_how_many_parts_were_removed(tmp_path):
+    assert removed_before(parts(tmp_path)) == 0
+    for number in range(3, 6):
+        (tmp_path / f"run.{number}.mcap").touch()
+    assert removed_before(parts(tmp_path)) == 3

@@ -18,10 +18,11 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.source import recorded_source, repeated_effects
+from hsslam_services.log.source import recorded_source, repeated_effects, run_metadata
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.supervisor.preparation import prepare
 from tests.late_frames import expect_late_frames_left_out
+from tests.services.log.sample_log import write_log
 from tests.services.wire_samples import frame
 
 
@@ -192,3 +193,13 @@ def test_images_of_late_frames_are_not_decoded(tmp_path):
     _write(tmp_path, [frame(index) for index in range(8)], "png")
     options = SourceOptions(start=1, stride=2)
     expect_late_frames_left_out(open_any_source(f"mcap:{tmp_path}", options))
+
+
+def test_metadata_that_the_first_part_has_lost_are_those_of_the_next(tmp_path):
+    lost, kept = (tmp_path / name / "run.mcap" for name in ("lost", "kept"))
+    lost.parent.mkdir()
+    write_log(lost.parent, count=1)
+    assert run_metadata([lost]) == {}
+    kept.parent.mkdir()
+    write_log(kept.parent, count=1, metadata={"run_id": "x"})
+    assert run_metadata([lost, kept]) == {"run_id": "x"}

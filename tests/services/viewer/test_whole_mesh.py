@@ -10,7 +10,18 @@ _SENT = Envelope(publisher=1, sequence=1, stamp_ns=1, publish_ns=1)
 
 def test_a_new_part_asks_for_all_blocks_once():
     whole = WholeMesh(_FIRST, 0.0)
-    assert [whole.is_due(part, 1.0) for part in (_FIRST, _SECOND, _SECOND)] == [False, True, False]
+    assert [whole.is_due(part, 20.0) for part in (_FIRST, _SECOND, _SECOND)] == [False, True, False]
+
+
+def test_parts_that_the_answers_fill_ask_every_ten_seconds():
+    whole, parts = WholeMesh(_FIRST, 0.0), 1
+    due = []
+    for now_s in range(1, 40):
+        if whole.is_due(Path(f"run.{parts}.mcap"), now_s):
+            due.append(now_s)
+            parts += 1
+    assert due == [10, 20, 30]
+    assert whole.is_for_file(blocks(1), None)
 
 
 def test_a_part_of_hours_asks_every_ten_minutes():
@@ -39,6 +50,6 @@ def test_after_ten_minutes_the_viewer_draws_all_blocks_and_the_file_has_them():
 def test_what_is_news_is_always_drawn():
     whole = WholeMesh(_FIRST, 0.0)
     assert whole.is_due(_FIRST, 660.0)
-    assert whole.is_due(_SECOND, 661.0)
+    assert whole.is_due(_SECOND, 670.0)
     for message, envelope in ((blocks(1), _SENT), (pose(0), None)):
         assert whole.is_for_viewer(message, envelope) and whole.is_for_file(message, envelope)

@@ -49,7 +49,7 @@ def _recording_id(files: list[Path]) -> str:
     """An id of the messages, independent of the path: viewers merge recordings of the same id."""
     with log_reader(files[0]) as first, log_reader(files[-1]) as last:
         span = f"{start_ns(first)}-{end_ns(last)}"
-    return f"{run_metadata(files[0]).get('run_id', 'log')}-export-{span}"
+    return f"{run_metadata(files).get('run_id', 'log')}-export-{span}"
 
 
 def _recording_name(files: list[Path]) -> str:

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+from mcap.reader import McapReader
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
@@ -16,7 +17,7 @@ _MOST_NS = 2.0**63  # later than every message
 
 
 def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> int:
-    """Copy all messages from `start_s` to before `end_s`, s after the first one, and the metadata of the
+    """Copy all messages from `start_s` to before `end_s`, s after the earliest one, and the metadata of the
     parts of a log into one file; returns the number of messages. Writes the whole file or none.
 
     Raises:
@@ -49,6 +50,7 @@ class _Trimmed:
         self._writer = writer
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[str, int] = {}
+        self._metadata: set[str] = set()  # names
 
     def copy(self, files: list[Path], start_after_ns: int, end_after_ns: int) -> int:
         self._writer.start(library=f"hsslam-node {__version__}")
@@ -65,14 +67,11 @@ class _Trimmed:
         progress: LogProgress,
     ) -> int:
         count = 0
-        first_ns: int | None = None
+        first_ns = _first_ns(files)
+        low, high = first_ns + start_after_ns, first_ns + end_after_ns
         for path in files:
             with log_reader(path) as reader:
-                if first_ns is None:
-                    first_ns = start_ns(reader)
-                    for record in reader.iter_metadata():
-                        self._writer.add_metadata(record.name, record.metadata)
-                low, high = first_ns + start_after_ns, first_ns + end_after_ns
+                self._copy_metadata(reader)
                 # in the order of the file: their times go back if the clock was set back
                 for schema, channel, message in reader.iter_messages(
                     starting_at=low, ending_before=high, log_time_order=False
@@ -88,6 +87,13 @@ class _Trimmed:
                     count += 1
         return count
 
+    def _copy_metadata(self, reader: McapReader) -> None:
+        """Each part has the same records, but a recovered part may have lost them."""
+        for record in reader.iter_metadata():
+            if record.name not in self._metadata:
+                self._metadata.add(record.name)
+                self._writer.add_metadata(record.name, record.metadata)
+
     def _channel(self, channel: Channel, schema: Schema | None) -> int:
         if channel.topic not in self._channels:
             self._channels[channel.topic] = self._writer.register_channel(
@@ -102,6 +108,15 @@ class _Trimmed:
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(*key)
         return self._schemas[key]
+
+
+def _first_ns(files: list[Path]) -> int:
+    """Time of the earliest message, ns; in a later part if the clock was set back."""
+    starts_ns = []
+    for path in files:
+        with log_reader(path) as reader:
+            starts_ns.append(start_ns(reader))
+    return min((one for one in starts_ns if one), default=0)
 
 
 def _ns(seconds: float) -> int:

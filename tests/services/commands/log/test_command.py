@@ -96,6 +96,19 @@ def test_trim_keeps_the_order_if_the_clock_was_set_back(tmp_path, capsys):
     assert [one.index for one in poses] == list(range(20))
 
 
+def test_trim_copies_all_parts_if_the_clock_was_set_back_between_them(tmp_path, capsys):
+    for number, name in enumerate(("run.mcap", "run.1.mcap")):
+        log = McapLog(tmp_path / name, "r")
+        for index in range(10 * number, 10 * number + 10):
+            log_ns = START_NS + PERIOD_NS * index - number * 3_600_000_000_000
+            log.write(POSE, encode(POSE, pose(index)), log_ns, log_ns, index)
+        log.close()
+    short = tmp_path / "short.mcap"
+    assert main(["trim", str(tmp_path), str(short)]) == 0
+    poses = [one.message() for one in bus_messages([short])]
+    assert [one.index for one in poses] == list(range(20))
+
+
 def test_trim_takes_an_end_without_limit(tmp_path, capsys):
     path, short = write_log(tmp_path, count=4), tmp_path / "short.mcap"
     for end in ("inf", "1e300"):
