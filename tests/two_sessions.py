@@ -74,15 +74,16 @@ def meetings() -> tuple[Meeting, ...]:
 
 def saved_session(
     folder: Path, rows: slice, *, mirrored: bool = False, level: np.ndarray | None = None,
-    gravity: Gravity | None = None,
+    gravity: Gravity | None = None, max_depth_m: float = SMALL.mapper.max_depth_m,
 ) -> Path:  # fmt: skip
-    """The folder of a run with this session: its map, of a robot with this level frame and gravity, and
-    trajectory."""
+    """The folder of a run with this session: its map, of a robot with this level frame and gravity, and with
+    this limit of depth, and its trajectory."""
     store, parameters = session(rows, mirrored=mirrored)
     store.world_frame.note_level(level)
     if gravity is not None:
         store.world_frame.note_gravity(gravity)
     folder.mkdir()
-    save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL))
+    config = replace(SMALL, mapper=replace(SMALL.mapper, max_depth_m=max_depth_m))
+    save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, config))
     write_tum(folder / "trajectory.txt", Trajectory(store.stamps_ns(), store.poses()))
     return folder

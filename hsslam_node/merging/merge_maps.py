@@ -60,7 +60,8 @@ def merge_maps(
 ) -> JoinedMap:
     """Find where the maps of two files meet, solve for all keyframes, and fit the field of the first to them.
 
-    The configuration is preset `realtime`, but with the field and the sampling of the first map.
+    The configuration is preset `realtime`, but with the field and the sampling of the first map, and with the
+    smaller of both maps' limits of depth.
 
     Raises:
         UserError: a map cannot be used (`restore_map`), they are of different cameras, or they do not meet
@@ -74,6 +75,7 @@ def merge_maps(
         REALTIME,
         field=saved.layout.config,
         sampling=saved.sampling or REALTIME.sampling,
+        mapper=replace(REALTIME.mapper, max_depth_m=_max_depth_m(saved, other)),
         keyframes=replace(REALTIME.keyframes, capacity=seam + count + 1),
     )
     store, parameters = restore_map(arrays, first, config)
@@ -99,6 +101,12 @@ def merge_maps(
     if store.world_frame.gravity is None and other.gravity is not None:
         store.world_frame.note_gravity(other.gravity.turned(joined.T_first_second[:3, :3]))
     return joined
+
+
+def _max_depth_m(*maps: MapCheckpoint) -> float:
+    """The smallest of their limits: what lies beyond one of them was not meant to be mapped."""
+    limits = [one.max_depth_m for one in maps if one.max_depth_m is not None]
+    return min(limits, default=REALTIME.mapper.max_depth_m)
 
 
 def _refit(

@@ -12,7 +12,7 @@ from hsslam_node.texture.view_levels import view_levels
 NO_VIEW = -1
 _SWEEPS = 6
 _TOGETHER = 0.4  # score for each neighbour with the same keyframe: as 1.5 times the pixels
-_EDGE = 3.0  # penalty for a triangle next to a nearer surface
+_DOUBT = 3.0  # penalty for a triangle next to a nearer surface, or without depth
 _BURNT = 0.7  # penalty for a triangle with a saturated colour
 _STRANGE, _MOST_STRANGE = 10.0, 4.0  # levels, of 255, for a penalty of 1; largest penalty
 _DARKEST, _BRIGHTEST = 8.0, 247.0  # brightness outside does not show the exposure
@@ -35,7 +35,7 @@ def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
     the same triangles, the penalties above, and neighbours with the same keyframe, for few visible borders.
     """
     view = np.repeat(np.arange(len(seen)), [len(one.faces) for one in seen])
-    face, area_px, at_edge, color, detail = map(np.concatenate, zip(*seen, strict=True))
+    face, area_px, is_doubtful, color, detail = map(np.concatenate, zip(*seen, strict=True))
     burnt = color.max(axis=1) > _BRIGHTEST
     lit = ~burnt & (color.min(axis=1) > _DARKEST)
     exposure = np.stack(
@@ -46,7 +46,7 @@ def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
     clear = most[face] > _LEAST_DETAIL
     sharpness = view_levels(face[clear], view[clear], np.log(detail[clear] + _NOISE), len(seen))
     gain = np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN))
-    score = np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _EDGE * at_edge
+    score = np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _DOUBT * is_doubtful
     score -= _BURNT * burnt + _strangeness(face, color * gain[view], len(faces))
     order = np.lexsort((view, face))
     first = np.searchsorted(face[order], np.arange(len(faces) + 1))

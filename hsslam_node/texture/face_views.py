@@ -25,7 +25,7 @@ class FaceViews(NamedTuple):
 
     faces: np.ndarray  # [n] int32
     area_px: np.ndarray  # [n] float32: of the pixels that each covers
-    at_edge: np.ndarray  # [n] bool: a nearer surface is next to it
+    is_doubtful: np.ndarray  # [n] bool: a nearer surface is next to it, or depth is missing
     color: np.ndarray  # [n, 3] float32: mean red, green and blue, 0 to 255
     detail: np.ndarray  # [n] float32: mean slope of the brightness, 1/px
 
@@ -41,8 +41,8 @@ def views_of_faces(
     """The triangles of a mesh that a keyframe with `color` [H, W, 3] uint8 RGB at T_world_cam [4, 4] shows.
 
     A triangle is unoccluded if no other one is in front of it, and if the measured depth [H, W] m is missing
-    or agrees with it. So objects that have moved give no colour. The pixels `hidden` [H, W] bool show no
-    triangle.
+    or agrees with it. So objects that have moved give no colour. A mask may be why depth is missing, so
+    another keyframe is better. The pixels `hidden` [H, W] bool show no triangle.
     """
     drawn_m, _ = render_depth(mesh, camera, T_world_cam)
     drawn_m[hidden] = 0.0
@@ -63,7 +63,7 @@ def views_of_faces(
 def _look(vertices, faces, T, intrinsics, drawn, measured, nearest, image, slope):
     found = np.empty(len(faces), np.int32)
     area = np.empty(len(faces), np.float32)
-    at_edge = np.empty(len(faces), np.bool_)
+    is_doubtful = np.empty(len(faces), np.bool_)
     color = np.empty((len(faces), 3), np.float32)
     detail = np.empty(len(faces), np.float32)
     seen = _in_camera(vertices, T, intrinsics)  # u, v, z of each vertex
@@ -79,7 +79,7 @@ def _look(vertices, faces, T, intrinsics, drawn, measured, nearest, image, slope
             continue
         if _cosine(a, b, c, intrinsics) < _LEAST_COSINE:
             continue
-        change, is_seen, edge = 0.0, True, False
+        change, is_seen, doubt = 0.0, True, False
         color[n] = 0
         for sample in range(4):  # the middle, and a place towards each corner
             to_a = 0.6 if sample == 1 else 0.2 if sample else 1 / 3
@@ -89,12 +89,12 @@ def _look(vertices, faces, T, intrinsics, drawn, measured, nearest, image, slope
             column = int(to_a * a[0] + to_b * b[0] + to_c * c[0] + 0.5)
             row = int(to_a * a[1] + to_b * b[1] + to_c * c[1] + 0.5)
             near = _TOLERANCE_M + _TOLERANCE_PER_M * z * z
-            if not _is_front(drawn, row, column, z, near, False) or not _is_front(
-                measured, row, column, z, near, True
-            ):
-                is_seen = False
+            is_missing = _is_missing(measured, row, column)
+            is_seen = _is_front(drawn, row, column, z, near)
+            is_seen &= is_missing or _is_front(measured, row, column, z, near)
+            if not is_seen:
                 break
-            edge |= nearest[row, column] < z - _EDGE_M - near
+            doubt |= measured[row, column] == 0 or nearest[row, column] < z - _EDGE_M - near
             for channel in range(3):
                 color[n, channel] += image[row, column, channel] / 4
             change += slope[row, column] / 4
@@ -102,9 +102,9 @@ def _look(vertices, faces, T, intrinsics, drawn, measured, nearest, image, slope
             continue
         found[n] = f
         area[n] = abs((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2
-        at_edge[n], detail[n] = edge, change
+        is_doubtful[n], detail[n] = doubt, change
         n += 1
-    return found[:n], area[:n], at_edge[:n], color[:n], detail[:n]
+    return found[:n], area[:n], is_doubtful[:n], color[:n], detail[:n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -141,13 +141,20 @@ def _cosine(a, b, c, intrinsics):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _is_front(depth, row, column, z, tolerance, may_lack):
-    """Whether a pixel or a neighbour has this depth; `may_lack`: or all of them have none."""
-    lacks = may_lack
+def _is_front(depth, row, column, z, tolerance):
+    """Whether a pixel or a neighbour has this depth."""
+    for v in range(row - 1, row + 2):
+        for u in range(column - 1, column + 2):
+            if depth[v, u] > 0 and abs(depth[v, u] - z) < tolerance:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_missing(depth, row, column):
+    """Whether a pixel and its neighbours have no depth."""
     for v in range(row - 1, row + 2):
         for u in range(column - 1, column + 2):
             if depth[v, u] > 0:
-                if abs(depth[v, u] - z) < tolerance:
-                    return True
-                lacks = False
-    return lacks
+                return False
+    return True

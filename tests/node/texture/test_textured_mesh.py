@@ -126,6 +126,16 @@ def test_pixels_that_a_mask_leaves_out_give_no_colour():
     assert psnr_db(image[beside], true[beside] / 255.0) > 30
 
 
+def test_a_keyframe_with_depth_gives_the_colours_of_what_a_mask_leaves_out_of_another():
+    true, depth = _image(_WALL_M), np.full((_CAMERA.height_px, _CAMERA.width_px), _WALL_M)
+    with_person, masked = true.copy(), depth.astype(np.float32)
+    with_person[40:80, 60:100], masked[40:80, 60:100] = (255, 0, 255), 0.0
+    measured = [masked, depth.astype(np.float32)]
+    keyframes = replace(_keyframes(_WALL_M, _WALL_M), depth_m=measured.__getitem__)
+    textured = textured_mesh(_wall(), keyframes, [with_person, true].__getitem__, 1024)
+    assert _drawn_psnr(textured, true) > 28
+
+
 def test_what_no_keyframe_sees_has_the_colours_of_vertices():
     away = _keyframes(_WALL_M)
     away.T_world_cam[0] = np.diag([-1.0, 1.0, -1.0, 1.0])

@@ -23,7 +23,7 @@ _GRAVITY = Gravity((0.0, -0.6, 0.8), 0.004)
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     saved_session(folder / "first", FIRST)
-    saved_session(folder / "second", SECOND, level=_LEVEL, gravity=_GRAVITY)
+    saved_session(folder / "second", SECOND, level=_LEVEL, gravity=_GRAVITY, max_depth_m=6.0)
     saved_session(folder / "mirrored", SECOND, mirrored=True)
     return folder
 
@@ -45,6 +45,7 @@ def test_two_sessions_become_one_run(runs, tmp_path, capsys):
     np.testing.assert_allclose(second.T_world_cam, found.T_world_cam[SECOND], atol=1e-8)
     saved = SavedMap.open(out / "map.safetensors", "cpu")
     assert len(saved.keyframes) == len(frames)
+    assert saved.checkpoint.max_depth_m == 6.0  # the smaller limit
     keyframes, order = read_tum(out / "keyframes.txt"), np.argsort(saved.keyframes.stamps_ns)
     assert np.all(np.diff(keyframes.stamps_ns) > 0)
     of_map = saved.keyframes.T_world_cam[order]
