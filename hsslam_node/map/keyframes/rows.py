@@ -8,10 +8,10 @@ import numpy as np
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
-SLAB_ROWS = 4096  # 4.2 MB
+SLAB_ROWS = 4096  # 3.0 MB, with gaps 4.2 MB
 # columns; the loss is a float64
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE = range(8)
-_COLUMNS = 8
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE, _HAS_GAP = range(9)
+_COLUMNS = 9
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
 
 
@@ -19,13 +19,13 @@ class _Slab(NamedTuple):
     meta: np.ndarray  # [SLAB_ROWS, _COLUMNS] int64
     poses: np.ndarray  # [2, SLAB_ROWS, 4, 4] T_world_cam of both banks
     covariances: np.ndarray  # [SLAB_ROWS, 6, 6] of the pose
-    gaps: np.ndarray  # [SLAB_ROWS, 6, 6] covariances of motions by odometry alone
     # [SLAB_ROWS, 4, 4] T_world_cam at which the mapper last saw the keyframe; 0: never
     mapped: np.ndarray
 
 
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 1030 bytes each.
+    """Append-only rows in slabs, so that their number has no limit: 740 bytes each, and 290 more in a slab
+    with motions by odometry alone.
 
     Poses lie in two banks that readers copy without a lock. The owner of the rows knows how many are
     complete, and which bank is current.
@@ -34,6 +34,8 @@ class KeyframeRows:
     def __init__(self, arrays: ArrayAllocator) -> None:
         self._arrays = arrays
         self._slabs: dict[int, _Slab] = {}  # by number; threads may open one at once
+        # [SLAB_ROWS, 6, 6], by number: covariances of motions by odometry alone, if a row has one
+        self._gaps: dict[int, np.ndarray] = {}
 
     def write(
         self,
@@ -61,7 +63,9 @@ class KeyframeRows:
         slab.meta[row, _FRAGMENT] = fragment
         slab.poses[:, row] = T
         slab.covariances[row] = covariance
-        slab.gaps[row] = gap_covariance
+        if np.any(gap_covariance):
+            self._slab_gaps(k // SLAB_ROWS, create=True)[row] = gap_covariance
+            slab.meta[row, _HAS_GAP] = 1
 
     def reserve(self, k: int) -> bool:
         """The tracker only: make room for row k; False if there is no memory."""
@@ -136,7 +140,9 @@ class KeyframeRows:
 
     def gap_covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the gap before keyframe k, as in `KeyframeStore.append`, copied."""
-        return self._slab(k // SLAB_ROWS).gaps[k % SLAB_ROWS].copy()
+        if not self._meta(k)[_HAS_GAP]:
+            return np.zeros((6, 6))
+        return self._slab_gaps(k // SLAB_ROWS)[k % SLAB_ROWS].copy()
 
     def pose(self, k: int, bank: int) -> np.ndarray:
         """T_world_cam [4, 4] of keyframe k, copied."""
@@ -189,10 +195,20 @@ class KeyframeRows:
                     self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
                     self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
                     self._arrays.create(names[2], (SLAB_ROWS, 6, 6), np.float64),
-                    self._arrays.create(names[3], (SLAB_ROWS, 6, 6), np.float64),
-                    self._arrays.create(names[4], (SLAB_ROWS, 4, 4), np.float64),
+                    self._arrays.create(names[3], (SLAB_ROWS, 4, 4), np.float64),
                 )
             else:
                 slab = _Slab(*(self._arrays.open(name) for name in names))
             self._slabs[index] = slab
         return slab
+
+    def _slab_gaps(self, index: int, create: bool = False) -> np.ndarray:
+        gaps = self._gaps.get(index)
+        if gaps is None:
+            name = f"keyframe_gaps.{index:03d}"
+            if create:
+                gaps = self._arrays.create(name, (SLAB_ROWS, 6, 6), np.float64)
+            else:
+                gaps = self._arrays.open(name)
+            self._gaps[index] = gaps
+        return gaps

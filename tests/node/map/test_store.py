@@ -228,3 +228,13 @@ def test_a_slab_of_large_images_has_few_keyframes(width_px, height_px, keyframes
     assert store.has_room()
     assert arrays.open("keyframe_color.000").shape == (keyframes, height_px, width_px, 3)
     assert arrays.open("keyframe_depth.000").shape == (keyframes, height_px, width_px)
+
+
+def test_rows_without_gaps_take_no_memory_for_them():
+    arrays = MemoryAllocator()
+    store = KeyframeStore.create(arrays, CAMERA, 5000.0, 16)
+    store.append(_frame(0), np.eye(4))
+    assert not store.gap_covariance(0).any() and not arrays.exists("keyframe_gaps.000")
+    store.append(_frame(1), np.eye(4), gap_covariance=np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
+    assert arrays.exists("keyframe_gaps.000") and not store.gap_covariance(0).any()
+    assert store.gap_covariance(1).diagonal().tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
