@@ -140,12 +140,13 @@ class Arena:
             os.close(fd)
 
     def _reserve(self, name: str, nbytes: int) -> None:
-        path = self._path(name, ".bin")
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+        partial = self._path(name, ".part")  # who opens an array of this name sees no shorter file
+        fd = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         try:
             self._fallocate(name, fd, 0, max(nbytes, 1))
+            partial.replace(self._path(name, ".bin"))
         except (OSError, OutOfMemoryError):
-            path.unlink()
+            partial.unlink(missing_ok=True)
             raise
         finally:
             os.close(fd)
