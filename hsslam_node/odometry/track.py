@@ -15,7 +15,7 @@ from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.sensor_watch import SensorWatch, StampOrder
 
 _KEPT = 512  # poses: 5 s at 100 Hz
-_LONGEST_S = 0.5  # between two poses: no reading across a longer gap
+_LONGEST_S = 0.5  # between two poses: no reading in a longer gap, no motion across it
 _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
 _SPEED_OVER_S = 0.05  # span of the motion that is extrapolated, as messages come in bursts
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
@@ -29,16 +29,17 @@ class _Pose:
     stamp_ns: int
     T_odom_cam: np.ndarray  # [4, 4]
     covariance: np.ndarray  # [6, 6] as of `OdometryReading`
-    is_after_jump: bool = False
+    is_after_unknown: bool = False  # whether the motion to it is unknown
 
 
 class OdometryTrack:
     """Poses of a robot's base, read as poses of its camera at any stamp near them.
 
     Poses are interpolated. After the newest pose the motion of the last 0.05 s continues for at most 0.1 s.
-    The covariance grows by `noise` and with the covariances of the poses. A jump is an unknown motion, and so
-    is that since a clock was set back (`StampOrder`), which restarts the track. The readings of a track are a
-    series of their own, so the motion since a reading of another track is unknown.
+    The covariance grows by `noise` and with the covariances of the poses. A jump is an unknown motion. So is
+    the motion over a gap of more than 0.5 s, as the source may have restarted, and that since a clock was set
+    back (`StampOrder`), which restarts the track. The readings of a track are a series of their own, so the
+    motion since a reading of another track is unknown.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -90,9 +91,10 @@ class OdometryTrack:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
             jumps = self._jumps(stamp_ns, T)
             self._watch.moved(is_jump=jumps)
-            doubt = of_jump() if jumps else growth(self._poses[-1].T_odom_cam, T, self._noise)
+            is_unknown = jumps or stamp_ns - self._poses[-1].stamp_ns > 1e9 * _LONGEST_S
+            doubt = of_jump() if is_unknown else growth(self._poses[-1].T_odom_cam, T, self._noise)
             doubt = doubt + carried(increase(self._base_covariance, base_covariance), lever_m)
-            self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, jumps))
+            self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, is_unknown))
         self._base_covariance = base_covariance
         return True
 
@@ -125,7 +127,7 @@ class OdometryTrack:
         after = newest
         for pose in islice(reversed(self._poses), 1, None):
             span_ns = newest.stamp_ns - pose.stamp_ns
-            if after.is_after_jump or span_ns > 1e9 * _LONGEST_S:
+            if after.is_after_unknown or span_ns > 1e9 * _LONGEST_S:
                 break
             before = after = pose
             if span_ns >= 1e9 * _SPEED_OVER_S:

@@ -115,6 +115,25 @@ def test_after_a_jump_nothing_is_known_of_the_motion():
     np.testing.assert_allclose(motion.T_from_to, se3_exp(0.02 * _SPEED), atol=1e-9)
 
 
+@pytest.mark.parametrize("away_s", [0.6, 3.0])
+def test_a_driver_that_restarts_in_a_gap_leaves_the_motion_unknown(away_s: float):
+    """After 4 m it begins at its origin again: as slow as a robot may be."""
+    track = OdometryTrack(np.eye(4))
+    for k in range(200):
+        track.add(k * _PERIOD_NS, se3_exp(np.array([0.02 * k, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    since = MotionSince()
+    since.restart(_read(track, 199 * _PERIOD_NS))
+    again_ns = 199 * _PERIOD_NS + round(1e9 * away_s)
+    track.add(again_ns, np.eye(4))
+    assert track.at(again_ns + 1) is None
+    motion = since.to(_read(track, again_ns))
+    assert motion is not None and not motion.is_surer_than(0.5, 0.5)
+    since.restart(_read(track, again_ns))
+    track.add(again_ns + _PERIOD_NS, se3_exp(0.02 * _SPEED))
+    motion = since.to(_read(track, again_ns + _PERIOD_NS))
+    assert motion is not None and motion.is_surer_than(0.01, 0.01)
+
+
 def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
     told: list[Report] = []
     track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
