@@ -6,7 +6,7 @@ from collections.abc import Callable
 STEP_BACK_S = 1.0
 _EARLY, _EARLY_S = 5, 0.1  # that follow each other, and their span: the clock was set after all
 _FRAMES = 30  # in a row without a reading
-_MOTIONS = 30  # before jumps are judged
+_MOTIONS = 30  # in a row, of which most are jumps or not
 
 
 class SensorWatch:
@@ -19,6 +19,7 @@ class SensorWatch:
     def __init__(self, report: Callable[[str, str], None] = lambda fault, rest: None) -> None:
         self._report = report
         self._frames_without = self._motions = self._jumps = 0
+        self._is_too_fast = False  # whether most of the last 30 motions that were judged were jumps
 
     def clock_set_back(self, seconds: float) -> None:
         """Report that stamps went back by this time, and not because messages changed order."""
@@ -41,14 +42,23 @@ class SensorWatch:
             )
 
     def moved(self, *, is_jump: bool) -> None:
-        """Note a motion between two messages; a jump is too fast for a robot."""
+        """Note a motion between two messages; a jump is too fast for a robot.
+
+        Each 30 motions are judged anew: a robot that stands shows no wrong unit, and a second publisher may
+        begin later.
+        """
         self._motions += 1
         self._jumps += is_jump
-        if self._motions == _MOTIONS and self._jumps > _MOTIONS // 2:
+        if self._motions < _MOTIONS:
+            return
+        was_too_fast, self._is_too_fast = self._is_too_fast, self._jumps > _MOTIONS // 2
+        if self._is_too_fast and not was_too_fast:
             self._report(
                 "too fast for a robot",
-                f": {self._jumps} of {_MOTIONS} motions count as jumps; expected metres and radians",
+                f": {self._jumps} of {_MOTIONS} motions count as jumps; expected metres and radians, of one "
+                "publisher",
             )
+        self._motions = self._jumps = 0
 
 
 class StampOrder:
