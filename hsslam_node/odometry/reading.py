@@ -74,24 +74,33 @@ class MotionSince:
     """
 
     def __init__(self) -> None:
-        self._first: OdometryReading | None = None
+        self._T_odom_from = np.eye(4)  # where motions begin
         self._newest: OdometryReading | None = None
         self._covariance = np.zeros((6, 6))  # of the newest relative to the first, axes of odom
+        self.is_from_reading = False  # whether motions begin at a reading
 
     def restart(self, reading: OdometryReading | None) -> None:
         """Measure motions from this reading on; None: odometry has no pose here."""
-        self._first = self._newest = reading
+        self._newest = reading
+        self._T_odom_from = np.eye(4) if reading is None else reading.T_odom_cam
         self._covariance = np.zeros((6, 6))
+        self.is_from_reading = reading is not None
+
+    def begin_later(self, T_from_later: np.ndarray) -> None:
+        """Measure motions from a frame without a reading on, T_from_later [4, 4] after where they began so
+        far, as the camera saw it. Their covariance stays that since the reading."""
+        self._T_odom_from = self._T_odom_from @ T_from_later
+        self.is_from_reading = False
 
     def to(self, reading: OdometryReading | None) -> Motion | None:
-        """The motion from the first reading to this one; None if one of them is None. May be repeated."""
-        if reading is None or self._first is None or self._newest is None:
+        """The motion to this reading; None if there is none, or was none before. May be repeated."""
+        if reading is None or self._newest is None:
             return None
         T_newest, T = self._newest.T_odom_cam, reading.T_odom_cam
         grown = _grown(self._newest, reading)
         self._covariance = carried(self._covariance, T[:3, 3] - T_newest[:3, 3]) + grown
         self._newest = reading
-        T_from_to = inverse(self._first.T_odom_cam) @ T
+        T_from_to = inverse(self._T_odom_from) @ T
         return Motion(T_from_to, turned(self._covariance, T[:3, :3].T) + _FLOOR)
 
 

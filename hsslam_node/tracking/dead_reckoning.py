@@ -12,7 +12,7 @@ from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.motion_agreement import MotionAgreement
 
 _SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: 2 sigma are the limits of `is_confirmed`
-# standard deviations: a motion that is less sure does not show how odometry is mounted
+# standard deviations: a motion that is less sure does not show how odometry is mounted, nor where it goes on
 _COMPARED_M, _COMPARED_RAD = 0.1, 0.1
 _REST_M_S, _REST_RAD_S = 0.1, 0.1  # by which odometry may differ, also at rest: noise, late stamps
 _FARTHEST = 25.0  # squared Mahalanobis distance of 6 numbers: one in 3000 is beyond
@@ -83,7 +83,9 @@ class DeadReckoning:
 
     def compare(self, reckoning: Reckoning, T_last_cam: np.ndarray, seconds: float) -> None:
         """Compare odometry with the motion [4, 4] of an aligned frame since the aligned frame before it."""
-        if reckoning.motion.is_surer_than(_COMPARED_M, _COMPARED_RAD):
+        if self._since.is_from_reading and reckoning.motion.is_surer_than(
+            _COMPARED_M, _COMPARED_RAD
+        ):
             T_off = inverse(reckoning.motion.T_from_to) @ T_last_cam
             self._agreement.compare(_way_and_turn(T_last_cam), _way_and_turn(T_off), seconds)
 
@@ -96,9 +98,28 @@ class DeadReckoning:
         self, T_world_last: np.ndarray, reading: OdometryReading | None
     ) -> Reckoning | None:
         """The pose of a frame with this reading, from the pose [4, 4] of the last aligned one; None if
-        odometry does not know the motion."""
+        odometry does not know the motion. If that frame had no reading, the motion is that since the frame
+        with the last one, if it is sure, without what the camera saw of it."""
         motion = self._since.to(reading)
-        return None if motion is None else Reckoning.after(T_world_last, motion)
+        if motion is None:
+            return None
+        if not (self._since.is_from_reading or motion.is_surer_than(_COMPARED_M, _COMPARED_RAD)):
+            return None  # the last reading is too long ago
+        return Reckoning.after(T_world_last, motion)
+
+    def expected_back(
+        self, reckoning: Reckoning | None, config: TrackerConfig, *, is_lost: bool
+    ) -> np.ndarray | None:
+        """Pose [4, 4] by odometry of the first aligned frame after dead-reckoned ones; None: there were none,
+        or odometry became too unsure, so that frames were lost (`is_lost`; those without a reading also are).
+        """
+        if (
+            reckoning is None
+            or not self.is_on
+            or (is_lost and not reckoning.is_within_reach(config))
+        ):
+            return None
+        return reckoning.T_world_cam
 
     def add(self, reckoning: Reckoning, *, sees: bool) -> np.ndarray:
         """Take a dead-reckoned frame; `sees`: it has depth. Returns the covariance [6, 6] of its pose in the
@@ -122,11 +143,15 @@ class DeadReckoning:
         )
 
     def restart(
-        self, reading: OdometryReading | None, covariance: np.ndarray, gap: np.ndarray | None
-    ) -> None:
+        self, reading: OdometryReading | None, covariance: np.ndarray, gap: np.ndarray | None,
+        T_last_cam: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         """Start at an aligned frame: `covariance` [6, 6] of its pose in the world; `gap`: its `gap_at`; None:
-        no gap remains."""
-        self._since.restart(reading)
+        no gap remains; `T_last_cam` [4, 4]: its motion since the aligned frame before it; None: not known."""
+        if reading is None and T_last_cam is not None:
+            self._since.begin_later(T_last_cam)
+        else:
+            self._since.restart(reading)
         self._last_covariance = covariance
         self._gap = np.zeros((6, 6)) if gap is None else gap
         self._newest = None

@@ -186,16 +186,22 @@ class Tracker:
             k = aligner.keyframe if seen.localise_only else self._store.count - 1
             T, T_keyframe_cam, version = aligner.placed_beside(k, alignment)
         self._choose_next_reference(seen, alignment, T, new)
-        is_back = self._reckoned.is_on and motion.lost_frames == 0
-        T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
+        is_lost = motion.lost_frames > 0
+        T_expected = self._reckoned.expected_back(reckoning, self._config, is_lost=is_lost)
         is_followed = not (self._search.is_at_place or self._reckoned.is_on)
-        if reckoning is not None and is_followed and motion.lost_frames == 0:
+        T_last_cam = None if is_lost else inverse(motion.T_world_last) @ T
+        if reckoning is not None and is_followed and T_last_cam is not None:
             seconds = 1e-9 * (frame.stamp_ns - motion.last.frame.stamp_ns)
-            self._reckoned.compare(reckoning, inverse(motion.T_world_last) @ T, seconds)
+            self._reckoned.compare(reckoning, T_last_cam, seconds)
         motion.aligned(frame, T, k, T_keyframe_cam)
         covariance = doubt.in_world()
         is_joined = new is not None or seen.localise_only
-        self._reckoned.restart(frame.odometry, covariance, None if is_joined else gap)
+        self._reckoned.restart(
+            frame.odometry,
+            covariance,
+            None if is_joined else gap,
+            T_last_cam if is_followed else None,
+        )
         self._relocalisation.observe()
         return TrackResult(
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,

@@ -74,6 +74,26 @@ def test_without_odometry_it_is_lost():
     assert [r.status for r in results[12:24]] == ["lost"] * 12
 
 
+@pytest.mark.parametrize("missing", [[11], [10, 11], [15]], ids=["last seen", "two", "covered"])
+def test_a_frame_without_a_reading_costs_at_most_itself(missing: list[int]):
+    wheels = [None if k in missing else wheel for k, wheel in enumerate(_wheels())]
+    _, results = _tracked(_frames(wheels))
+    assert {r.frame_index for r in results if r.status == "lost"} == set(missing) & set(_COVERED)
+    known = [r for r in results if r.status != "lost"]
+    assert {r.status for r in known[12:22]} == {"dead_reckoned"} and _off_m(known).max() < 0.006
+    assert results[24].T_expected is not None and not any(r.is_carried for r in results)
+
+
+def test_a_motion_that_begins_long_after_the_last_reading_is_not_known():
+    wheels = [None if 4 < k < 12 else wheel for k, wheel in enumerate(_wheels())]
+    grown = [
+        wheel and replace(wheel, covariance=0.04**2 * k * np.eye(6))
+        for k, wheel in enumerate(wheels)
+    ]
+    _, results = _tracked(_frames(grown))
+    assert [r.status for r in results[12:24]] == ["lost"] * 12
+
+
 def test_odometry_is_believed_up_to_a_distance():
     wheels = _wheels()
     grown = [
