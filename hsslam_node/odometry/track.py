@@ -17,6 +17,8 @@ from hsslam_node.sensor_watch import SensorWatch, StampOrder
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading in a longer gap, no motion across it
 _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
+_LONGEST_AHEAD_S = 0.2  # likewise, of a slow source
+_AHEAD_SHARE = 1.5  # of the time between two poses of a slow source: 10 Hz may be 0.05 s late
 _SPEED_OVER_S = 0.05  # span of the motion that is extrapolated, as messages come in bursts
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
 _FARTHEST_M = 1e8  # from the origin of odom: more is no reading; UTM has 1e7
@@ -35,11 +37,12 @@ class _Pose:
 class OdometryTrack:
     """Poses of a robot's base, read as poses of its camera at any stamp near them.
 
-    Poses are interpolated. After the newest pose the motion of the last 0.05 s continues for at most 0.1 s.
-    The covariance grows by `noise` and with the covariances of the poses. A jump is an unknown motion. So is
-    the motion over a gap of more than 0.5 s, as the source may have restarted, and that since a clock was set
-    back (`StampOrder`), which restarts the track. The readings of a track are a series of their own, so the
-    motion since a reading of another track is unknown.
+    Poses are interpolated. After the newest pose the motion of the last 0.05 s continues for at most 0.1 s;
+    that of poses farther apart for 1.5 times the time between them, at most 0.2 s. The covariance grows by
+    `noise` and with the covariances of the poses. A jump is an unknown motion. So is the motion over a gap of
+    more than 0.5 s, as the source may have restarted, and that since a clock was set back (`StampOrder`),
+    which restarts the track. The readings of a track are a series of their own, so the motion since a reading
+    of another track is unknown.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -122,8 +125,6 @@ class OdometryTrack:
 
     def _ahead(self, stamp_ns: int) -> OdometryReading | None:
         newest, before = self._poses[-1], None
-        if stamp_ns - newest.stamp_ns > 1e9 * _AHEAD_S:
-            return None
         after = newest
         for pose in islice(reversed(self._poses), 1, None):
             span_ns = newest.stamp_ns - pose.stamp_ns
@@ -132,7 +133,11 @@ class OdometryTrack:
             before = after = pose
             if span_ns >= 1e9 * _SPEED_OVER_S:
                 break
-        if before is None or newest.stamp_ns - before.stamp_ns < 1e9 * _BURST_S:
+        if before is None:
+            return None
+        span_s = 1e-9 * (newest.stamp_ns - before.stamp_ns)
+        longest_s = min(max(_AHEAD_SHARE * span_s, _AHEAD_S), _LONGEST_AHEAD_S)
+        if span_s < _BURST_S or stamp_ns - newest.stamp_ns > 1e9 * longest_s:
             return None
         return self._between(before, newest, stamp_ns)
 

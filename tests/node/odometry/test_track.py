@@ -207,6 +207,20 @@ def test_one_message_from_the_future_costs_a_tenth_of_a_second():
     assert unknown <= 6
 
 
+@pytest.mark.parametrize("phase_ms", range(0, 100, 11))
+@pytest.mark.parametrize("late_ms", [1, 45])
+def test_odometry_at_10_hz_gives_every_frame_a_reading(late_ms: int, phase_ms: int):
+    """Frames at 30 Hz, read when they arrive."""
+    track, sent = OdometryTrack(np.eye(4)), 0
+    for k in range(30, 130):
+        now_ns = k * 33_333_333 + phase_ms * 1_000_000
+        while sent * 100_000_000 + late_ms * 1_000_000 <= now_ns:
+            track.add(sent * 100_000_000, _base_at(sent * 100_000_000))
+            sent += 1
+        np.testing.assert_allclose(_read(track, now_ns).T_odom_cam, _base_at(now_ns), atol=1e-9)
+    assert track.at((sent - 1) * 100_000_000 + 150_000_001) is None
+
+
 def test_two_poses_at_nearly_one_time_give_no_speed():
     track = OdometryTrack(np.eye(4))
     track.add(0, np.eye(4))
