@@ -12,7 +12,7 @@ from hsslam_node.sensor_watch import SensorWatch, StampOrder
 
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
-_AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
+_AHEAD_NS = 60_000_000  # after the newest sample: batches of samples at 30 Hz may be 27 ms late
 _FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e5  # ten times what sensors measure: more is no reading
 
 
@@ -34,7 +34,7 @@ class ImuTrack:
 
     Both are integrated by the trapezoidal rule, the force in axes that do not turn. After a gap of more than
     0.1 s, and after the clock was set back (`StampOrder`), a new series begins. The newest sample holds for
-    at most 0.03 s.
+    at most 0.06 s.
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).

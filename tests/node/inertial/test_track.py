@@ -78,11 +78,31 @@ def test_a_gap_a_late_sample_and_silence():
     assert before is not None and after is not None
     assert motion_between(before, after) is None and motion_between(before, None) is None
     newest_ns = _START_NS + 41 * _STEP_NS
-    ahead = track.at(newest_ns + 30_000_000)
-    assert ahead is not None and track.at(newest_ns + 30_000_001) is None
+    ahead = track.at(newest_ns + 60_000_000)
+    assert ahead is not None and track.at(newest_ns + 60_000_001) is None
     motion = motion_between(after, ahead)
     assert motion is not None
-    np.testing.assert_allclose(motion.velocity_change, 0.03 * _UP, atol=1e-12)
+    np.testing.assert_allclose(motion.velocity_change, 0.06 * _UP, atol=1e-12)
+
+
+@pytest.mark.parametrize("phase_ms", [0, 5, 15, 30])
+@pytest.mark.parametrize("late_ms", [1, 20])
+def test_batches_at_30_hz_give_every_frame_a_reading(late_ms: int, phase_ms: int):
+    """Samples at 200 Hz; frames at 30 Hz, read when they arrive, at any phase of the batches."""
+    track, turn_rate, batches, sent = ImuTrack(), np.array([0.0, 0.5, 0.0]), 0, 0
+    readings = []
+    for k in range(30, 130):
+        now_ns = k * 33_333_333 + phase_ms * 1_000_000
+        while (batches + 1) * 33_333_333 + late_ms * 1_000_000 <= now_ns:
+            batches += 1
+            while sent * _STEP_NS <= batches * 33_333_333:
+                track.add(sent * _STEP_NS, turn_rate, _UP)
+                sent += 1
+        readings.append(track.at(now_ns))
+    motion = motion_between(readings[0], readings[-1])
+    assert None not in readings and motion is not None
+    turned = so3_exp(99 * 0.033333333 * turn_rate)
+    np.testing.assert_allclose(motion.rotation, turned, atol=1e-9)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300, -1e6])
