@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.geometry.pose_covariance import turned
+from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, se3_log
 
 USUAL_NOISE = 0.02
@@ -30,6 +30,18 @@ def increase(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     grown = np.nan_to_num(after - before, nan=0.0, posinf=0.0, neginf=0.0)
     value, direction = np.linalg.eigh((grown + grown.T) / 2)
     return (direction * np.maximum(value, 0.0)) @ direction.T
+
+
+def increase_of_motion(before: np.ndarray, after: np.ndarray, step_m: np.ndarray) -> np.ndarray:
+    """As `increase`, without what the heading before the motion adds to the position, [6, 6].
+
+    The covariance of a filter (EKF) has this part: an error of the heading moves the end of the motion
+    `step_m` [3] (axes of odom) sideways in odom, but is no error of the motion. Covariances of other sources
+    do not have it, so the smaller growth counts.
+    """
+    grown = increase(before, after)
+    of_motion = increase(carried(np.nan_to_num(before), step_m), after)
+    return of_motion if np.trace(of_motion) < np.trace(grown) else grown
 
 
 def of_jump() -> np.ndarray:

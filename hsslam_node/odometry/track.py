@@ -10,7 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
+from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase_of_motion, of_jump
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.sensor_watch import SensorWatch, StampOrder
 
@@ -62,6 +62,7 @@ class OdometryTrack:
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
         self._order = StampOrder()
         self._base_covariance = np.zeros((6, 6))  # covariance given with the newest pose
+        self._base_m = np.zeros(3)  # position of the base in that pose
         self._series = secrets.randbits(62)
 
     def add(
@@ -96,9 +97,11 @@ class OdometryTrack:
             self._watch.moved(is_jump=jumps)
             is_unknown = jumps or stamp_ns - self._poses[-1].stamp_ns > 1e9 * _LONGEST_S
             doubt = of_jump() if is_unknown else growth(self._poses[-1].T_odom_cam, T, self._noise)
-            doubt = doubt + carried(increase(self._base_covariance, base_covariance), lever_m)
+            step_m = T_odom_base[:3, 3] - self._base_m
+            grown = increase_of_motion(self._base_covariance, base_covariance, step_m)
+            doubt = doubt + carried(grown, lever_m)
             self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, is_unknown))
-        self._base_covariance = base_covariance
+        self._base_covariance, self._base_m = base_covariance, T_odom_base[:3, 3].copy()
         return True
 
     def at(self, stamp_ns: int) -> OdometryReading | None:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp, transform
 from hsslam_node.odometry.reading import MotionSince, OdometryReading
@@ -88,6 +89,25 @@ def test_a_covariance_that_grows_counts_and_a_constant_one_does_not():
 
     assert sigma_m(0.0, 1e3) == pytest.approx(sigma_m(0.0, 0.0))
     assert sigma_m(1e-4, 1e3) == pytest.approx(np.sqrt(49e-4), rel=0.1)
+
+
+@pytest.mark.parametrize("start", [0, 500, 4500])
+def test_a_filter_is_as_sure_of_a_motion_wherever_the_robot_is(start: int):
+    """An EKF of a robot that drives straight, 2 cm a message, whose heading drifts."""
+    track, covariance, drift = OdometryTrack(np.eye(4), 0.0), np.zeros((6, 6)), np.zeros((6, 6))
+    drift[0, 0] = drift[1, 1] = drift[5, 5] = 1e-6
+    since = MotionSince()
+    for k in range(start + 51):
+        T = se3_exp(np.array([0.02 * k, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        track.add(k * _PERIOD_NS, T, covariance)
+        covariance = carried(covariance, np.array([0.02, 0.0, 0.0])) + drift
+        if k == start:
+            since.restart(_read(track, k * _PERIOD_NS))
+        if k > start:
+            motion = since.to(_read(track, k * _PERIOD_NS))
+    sigma_m = np.sqrt(np.linalg.eigvalsh(motion.covariance[:3, :3])[-1])
+    true_m = np.sqrt(1e-6 * (50 + sum((0.02 * n) ** 2 for n in range(50))))
+    assert true_m <= sigma_m < 3 * true_m
 
 
 def test_nothing_is_read_before_the_first_pose_across_a_gap_or_long_after_the_last():
