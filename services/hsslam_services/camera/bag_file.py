@@ -31,7 +31,10 @@ class BagTopic:
     message_count: int
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.type_name.rpartition('/')[2]})"
+        kind = self.type_name.rpartition("/")[2]
+        return (
+            f"{self.name} ({kind})" if self.message_count else f"{self.name} ({kind}, no messages)"
+        )
 
 
 @dataclass(frozen=True)

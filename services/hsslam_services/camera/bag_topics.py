@@ -62,12 +62,11 @@ def odometry_topic(bag: BagFile, options: BagOptions) -> str:
     """The odometry topic that the options name; empty if they name none.
 
     Raises:
-        UserError: the bag has no such topic; names all topics.
+        UserError: the bag has no such topic, or no messages of it; names all topics.
     """
     if not options.odometry:
         return ""
-    of_kind = [topic.name for topic in bag.topics if topic.type_name == ODOMETRY]
-    return _chosen(bag, "odometry", options.odometry, (), of_kind)
+    return _chosen(bag, "odometry", options.odometry, (), _with_messages(bag, ODOMETRY))
 
 
 def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
@@ -78,10 +77,15 @@ def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
     Raises:
         UserError: the bag has no such topic, or several; names all topics.
     """
-    of_kind = [topic.name for topic in bag.topics if topic.type_name == IMU and topic.message_count]
+    of_kind = _with_messages(bag, IMU)
     if options.imu or (is_mounted and of_kind):
         return _chosen(bag, "imu", options.imu, of_kind, of_kind)
     return ""
+
+
+def _with_messages(bag: BagFile, type_name: str) -> list[str]:
+    """The topics of this type that have messages."""
+    return [t.name for t in bag.topics if t.type_name == type_name and t.message_count]
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:

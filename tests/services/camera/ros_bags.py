@@ -49,10 +49,15 @@ class BagWriter:
     def _header(self, stamp_ns: int, frame_id: str) -> Any:
         return self._new("std_msgs/msg/Header", stamp=self._time(stamp_ns), frame_id=frame_id)
 
+    def announce(self, topic: str, kind: str) -> None:
+        """A topic of this type, perhaps without messages."""
+        if topic not in self._connections:
+            added = self._writer.add_connection(topic, kind, typestore=self._store)
+            self._connections[topic] = added
+
     def _write(self, topic: str, stamp_ns: int, kind: str, message: Any) -> None:
         store = self._store
-        if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
+        self.announce(topic, kind)
         serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
         recorded_ns = stamp_ns + self.recorded_later_ns
         payload = bytes(serialize(message, kind))[: self.kept_bytes]

@@ -88,6 +88,20 @@ def test_an_imu_of_a_bag_is_used_if_its_mounting_is_known(
         opened(path, bag=BagOptions(imu="/imu"))
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_topic_of_a_sensor_without_messages_is_one_line(
+    kind: str, room: list[Frame], tmp_path: Path
+):
+    def silent(bag: BagWriter) -> None:
+        bag.announce("/odom", "nav_msgs/msg/Odometry")
+        bag.announce("/imu/data", "sensor_msgs/msg/Imu")
+
+    path = written(tmp_path, kind, room, silent)
+    for options in (BagOptions(odometry="/odom"), BagOptions(imu="/imu/data")):
+        with pytest.raises(UserError, match=r"no such topic.*/odom \(Odometry, no messages\)"):
+            opened(path, bag=options)
+
+
 def _turn_on_its_head(bag: BagWriter) -> None:
     for k in range(80):
         bag.imu("/imu/data", 900_000_000 + 5_000_000 * k, (0.0, -0.3, 0.0), (0.0, 9.81, 0.0))
