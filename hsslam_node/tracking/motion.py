@@ -61,7 +61,8 @@ class CameraMotion:
 
     @property
     def implausible_gravity(self) -> float | None:
-        """Length of gravity by the IMU in m/s^2, if that excludes it; None: it does not, or is not known."""
+        """Mean acceleration of the IMU in m/s^2 (negative: downwards), if it is not gravity; None: it is, or
+        is not known."""
         return self._inertial.implausible_gravity
 
     def take(self, frame: Frame) -> None:

@@ -108,7 +108,7 @@ class TrackResult:
     is_carried: bool = False  # the motion since the last frame with a pose is not known
     imu_disagrees: bool = False  # it rotates unlike the camera, and is not used
     odometry_disagrees: bool = False  # it moves unlike the camera, and is not used
-    # m/s^2: length of gravity by the IMU, if that excludes it; None: it does not, or is not known
+    # m/s^2 (negative: downwards): mean acceleration of the IMU, if not gravity; None: it is, or is not known
     implausible_gravity: float | None = None
 
     @classmethod

@@ -3,14 +3,15 @@
 import numpy as np
 
 from hsslam_node.geometry.se3 import so3_log
-from hsslam_node.inertial.gravity import GravityWindows
+from hsslam_node.inertial.gravity import GravityFit, GravityWindows
 from hsslam_node.inertial.gyro_bias import GyroBias
 from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.motion_agreement import MotionAgreement
 
 _REST_RAD_S = 0.06  # by which the IMU may differ, also at rest: bias, and noise of tracking
-_SURE_WINDOWS = 5  # of about a second, before a length of gravity is called wrong
+_SURE_WINDOWS = 5  # of about a second, before gravity is called wrong
+_DOWN = -0.5  # cosine to the usual up: cameras that look down or up have about 0
 
 
 class InertialPrior:
@@ -32,7 +33,7 @@ class InertialPrior:
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
         self._has_noted = False  # whether it has written gravity to the store
-        # m/s^2, measured length that is not that of gravity; None: it is, or is not known
+        # m/s^2, mean acceleration that is not gravity, negative: downwards; None: it is, or is not known
         self.implausible_gravity: float | None = None
         self._is_current = False  # whether the frame that is tracked now has a reading
 
@@ -95,15 +96,28 @@ class InertialPrior:
         fit = self._windows.fit(R_world_keyframe)
         if fit is None:
             return
-        is_wrong = not fit.is_plausible and len(self._windows) >= _SURE_WINDOWS
-        self.implausible_gravity = float(np.linalg.norm(fit.up)) if is_wrong else None
+        is_down = fit.is_plausible and self._points_down(fit, R_world_keyframe)
+        is_wrong = (is_down or not fit.is_plausible) and len(self._windows) >= _SURE_WINDOWS
+        length = float(np.linalg.norm(fit.up))
+        self.implausible_gravity = (-length if is_down else length) if is_wrong else None
         gravity = fit.gravity
-        if gravity is None:
+        if gravity is None or is_down:
             return
         known = self._store.world_frame.gravity
         if self._has_noted or known is None or gravity.sigma_rad < known.sigma_rad:
             self._store.world_frame.note_gravity(gravity)
             self._has_noted = True
+
+    def _points_down(self, fit: GravityFit, R_world_keyframe: np.ndarray) -> bool:
+        """Whether measured up is down by the level frame, or if that is not known, in the images of the
+        keyframes [n, 3, 3]: accelerations have the other sign, or the camera hangs upside down."""
+        T_level_world = self._store.world_frame.T_level_world
+        up = (
+            -R_world_keyframe[:, :, 1].mean(axis=0)
+            if T_level_world is None
+            else T_level_world[2, :3]
+        )
+        return bool(up @ fit.up < _DOWN * np.linalg.norm(fit.up))
 
 
 def _angle_rad(R: np.ndarray) -> np.ndarray:

@@ -75,6 +75,34 @@ def test_accelerations_that_are_not_gravity_are_found_out(length: float):
     assert results[-1].implausible_gravity == pytest.approx(length, abs=0.15)
 
 
+def _signs_changed() -> list[ImuReading | None]:
+    signs = np.array([1, 1, 1, 1, -1, -1, -1, 1])
+    return [r and ImuReading(r.numbers * signs, r.series) for r in _readings()]
+
+
+def test_accelerations_with_the_other_sign_are_found_out():
+    store, results = _tracked(_with(_signs_changed()))
+    assert store.world_frame.gravity is None
+    assert results[-1].implausible_gravity == pytest.approx(-STANDARD_GRAVITY, abs=0.3)
+
+
+def test_a_camera_upside_down_has_gravity_if_the_level_frame_is_known():
+    first = room_frames()[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+    T_level_world = np.eye(4)
+    T_level_world[:3, :3] = [
+        [1.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0],
+        [0.0, 1.0, 0.0],
+    ]  # y of images is up
+    store.world_frame.note_level(T_level_world)
+    tracker = Tracker(SMALL, store, 0)
+    results = [tracker.track(frame, None) for frame in _with(_signs_changed())]
+    gravity = store.world_frame.gravity
+    assert gravity is not None and gravity.up[1] > 0.9
+    assert all(r.implausible_gravity is None for r in results)
+
+
 def test_accelerations_with_gravity_are_used():
     store, results = _tracked(_with(_readings()))
     assert store.world_frame.gravity is not None
