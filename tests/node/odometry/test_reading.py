@@ -1,5 +1,7 @@
 """Motions between readings, their covariances, and what a covariance that says nothing becomes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -71,6 +73,25 @@ def test_an_error_of_the_heading_moves_what_follows_sideways():
     assert motion is not None
     assert np.sqrt(motion.covariance[0, 0]) == pytest.approx(0.02, rel=0.01)  # 0.01 rad over 2 m
     assert motion.is_surer_than(0.03, 0.02) and not motion.is_surer_than(0.01, 0.02)
+
+
+@pytest.mark.parametrize("way_m", [2.0, 20.0])
+def test_a_way_without_readings_in_between_is_as_unsure_as_one_with_them(way_m: float):
+    """Straight ahead; an error of the heading on the way moves its end sideways."""
+    ways = [
+        se3_exp(np.array([0.0, 0.0, 0.02 * k, 0.0, 0.0, 0.0])) for k in range(round(50 * way_m))
+    ]
+    covariance, readings = np.zeros((6, 6)), [OdometryReading.at(ways[0], np.zeros((6, 6)))]
+    for before, after in pairwise(ways):
+        covariance = covariance + growth(before, after, USUAL_NOISE)
+        readings.append(OdometryReading.at(after, covariance))
+    all_read, ends_read = MotionSince(), MotionSince()
+    for since in (all_read, ends_read):
+        since.restart(readings[0])
+    expected = [all_read.to(reading) for reading in readings][-1]
+    found = ends_read.to(readings[-1])
+    assert expected is not None and found is not None
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.05, atol=1e-9)
 
 
 def test_a_covariance_that_shrinks_was_corrected_elsewhere_and_makes_nothing_surer():
