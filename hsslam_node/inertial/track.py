@@ -13,6 +13,9 @@ from hsslam_node.sensor_watch import SensorWatch, StampOrder
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 60_000_000  # after the newest sample: batches of samples at 30 Hz may be 27 ms late
+_LATEST_NS = (
+    1 << 62
+)  # in the year 2116: series, which are numbered by stamps, must fit into 63 bits
 _FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e5  # ten times what sensors measure: more is no reading
 
 
@@ -61,8 +64,10 @@ class ImuTrack:
         acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
 
         Raises:
-            UserError: a number is not finite, or larger than any sensor measures.
+            UserError: a number is not finite, or larger than any sensor measures; the stamp is no time.
         """
+        if not 0 <= stamp_ns < _LATEST_NS:
+            raise UserError(f"imu: stamp {stamp_ns}: expected 0 to 2^62 ns")
         is_turn = np.abs(angular_velocity).max() <= _FASTEST_RAD_S  # false if one is nan
         if not (is_turn and np.abs(acceleration).max() <= _STRONGEST_M_S2):
             raise UserError(

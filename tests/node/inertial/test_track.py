@@ -121,6 +121,18 @@ def test_a_sample_that_is_no_reading_is_refused_and_costs_nothing(of_turn, value
     np.testing.assert_allclose(motion.velocity_change, 2e-9 * _STEP_NS * _UP, atol=1e-12)
 
 
+@pytest.mark.parametrize("stamp_ns", [(1 << 63) - 1, 1 << 62, -1])
+def test_a_stamp_that_is_no_time_is_refused_and_costs_nothing(stamp_ns):
+    """Its series would be no number of a message."""
+    track = ImuTrack()
+    assert track.add(_START_NS, np.zeros(3), _UP)
+    with pytest.raises(UserError, match=rf"imu: stamp {stamp_ns}: expected 0 to 2\^62 ns"):
+        track.add(stamp_ns, np.zeros(3), _UP)
+    assert track.add(_START_NS + _STEP_NS, np.zeros(3), _UP)
+    first, last = track.at(_START_NS), track.at(_START_NS + _STEP_NS)
+    assert first is not None and last is not None and first.series == last.series == _START_NS
+
+
 @pytest.mark.parametrize("numbers", [np.zeros(8), np.full(8, np.nan), np.ones(7)])
 def test_a_reading_of_other_numbers_is_refused(numbers):
     with pytest.raises(UserError, match=r"imu .*: expected 8 finite numbers"):
