@@ -106,6 +106,7 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
     `stamp_ns` is the time of the measurement on the wall clock. `covariance` lists the same 21 numbers as
     `covariance` of `Pose`, but along the axes of the odometry's own frame. The tracker uses its growth from
     message to message, not its value. Empty: unknown. `--base-T-camera`: pose of the camera on the base.
+    Nothing reads these messages in lockstep, nor with `zenoh:`, whose frames carry `odometry` themselves.
     """
 
     stamp_ns: StampNs
@@ -123,7 +124,8 @@ class ImuSamples(Message, frozen=True, kw_only=True):
 
     `stamps_ns` are the times of the measurements on the wall clock, `angular_velocity` is in rad/s,
     `acceleration` in m/s^2 as an accelerometer measures it: at rest 9.81, upwards. Axes are those of the IMU:
-    `--camera-T-imu` is its pose in the camera's optical frame.
+    `--camera-T-imu` is its pose in the camera's optical frame. Nothing reads these messages in lockstep, nor
+    with `zenoh:`, whose frames carry `imu` themselves.
     """
 
     stamps_ns: Stamps
