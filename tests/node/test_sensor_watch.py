@@ -1,4 +1,4 @@
-"""Faults of odometry that begin after the first messages are reported, each once."""
+"""Faults of odometry that only many messages show are reported, each once."""
 
 import numpy as np
 
@@ -37,4 +37,34 @@ def test_a_driver_that_restarts_now_and_then_is_no_fault():
     track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
     for k in range(600):
         track.add(k * _PERIOD_NS, _at_m(100.0 * (k // 5)))
+    assert told == []
+
+
+def test_messages_of_another_clock_or_unit_are_reported():
+    told: list[Report] = []
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
+    for k in range(100):
+        track.add(k * _PERIOD_NS + 3_600_000_000_000, _at_m(0.008 * k))
+        assert track.at(k * _PERIOD_NS) is None
+    (report,) = told
+    assert report.kind == "odom: no message near the frames"
+    assert "30 frames in a row, the newest message is 3600.00 s after the frame" in report.text
+
+    told.clear()
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
+    for k in range(100):  # 1 m/s in millimetres
+        track.add(k * _PERIOD_NS, _at_m(20.0 * k))
+    (report,) = told
+    assert report.kind == "odom: too fast for a robot"
+    assert "30 of 30 motions count as jumps; expected metres" in report.text
+
+
+def test_a_gap_and_a_jump_are_no_fault():
+    told: list[Report] = []
+    track = OdometryTrack(np.eye(4), watch=sensor_watch("odom", told.append))
+    for k in range(100):
+        x = 0.02 * k + 50 * (k > 20)
+        if not 30 < k < 59:
+            track.add(k * _PERIOD_NS, _at_m(x))
+        track.at(k * _PERIOD_NS)
     assert told == []
