@@ -13,9 +13,8 @@ from hsslam_node.sensor_watch import SensorWatch, StampOrder
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 60_000_000  # after the newest sample: batches of samples at 30 Hz may be 27 ms late
-_LATEST_NS = (
-    1 << 62
-)  # in the year 2116: series, which are numbered by stamps, must fit into 63 bits
+# in the year 2116: series, which are numbered by stamps, must fit into 63 bits
+_LATEST_NS = 1 << 62
 _FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e5  # ten times what sensors measure: more is no reading
 
 
