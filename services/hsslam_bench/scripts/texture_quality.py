@@ -1,8 +1,8 @@
 """Measures how well exported meshes of a run reproduce frames that are no keyframes; prints JSON.
 
 `python -m hsslam_bench.scripts.texture_quality RUN SOURCE` exports the saved map of a run folder with
-`hsslam-map export --format glb`, once with vertex colours and once with a texture. It reads both files with
-trimesh and draws them from the run's poses of every eighth frame. A pixel counts if both meshes have the
+`hsslam-map export --format glb`, once with vertex colours and once with a texture. It reads both files and
+draws them from the run's poses of every eighth frame. A pixel counts if both meshes have the
 frame's depth there, so that only colours differ. A factor fitted to each view removes changes of exposure.
 """
 
@@ -23,6 +23,7 @@ from hsslam_node.evaluation.mesh.mesh_view import MeshView
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.geometry.triangles import triangle_mesh
 from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.sources.open_source import open_source
 from hsslam_services.commands.maps.command import main as hsslam_map
@@ -41,8 +42,8 @@ def main() -> None:
     more = ("--voxel", "0.05") if arguments.quick else ()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        plain, _ = _exported(arguments.run, place / "plain.glb", *more)
-        textured, seconds = _exported(arguments.run, place / "textured.glb", "--texture", *more)
+        plain, _ = exported(arguments.run, place / "plain.glb", *more)
+        textured, seconds = exported(arguments.run, place / "textured.glb", "--texture", *more)
         megabytes = (place / "textured.glb").stat().st_size / 1e6
     views = [MeshView(plain), MeshView(textured)]
     rows: list[list[float]] = []
@@ -66,7 +67,7 @@ def main() -> None:
     )
 
 
-def _exported(run: Path, out: Path, *more: str) -> tuple[trimesh.Trimesh, float]:
+def exported(run: Path, out: Path, *more: str) -> tuple[trimesh.Trimesh, float]:
     """Export a mesh with the command; returns it in the map's axes, and the seconds that this took."""
     arguments = ["export", str(run), "--format", "glb", "--out", str(out), "--device", "cpu", *more]
     began = time.perf_counter()
@@ -74,7 +75,7 @@ def _exported(run: Path, out: Path, *more: str) -> tuple[trimesh.Trimesh, float]
         if code := hsslam_map(arguments):
             raise SystemExit(code)
     seconds = time.perf_counter() - began
-    mesh = trimesh.load_mesh(out, process=False)
+    mesh = triangle_mesh(out, "expected the exported mesh")
     mesh.apply_transform(OPENGL_FROM_OPENCV)  # its own inverse
     return mesh, seconds
 
