@@ -10,6 +10,8 @@ from hsslam_proto.messages import Correction
 from hsslam_services.arena.map_state import MapState
 
 _MOST_A_MESSAGE = 8192  # keyframes: 0.6 MB
+_LEAST_M, _LEAST_RAD = 1e-3, 1e-3  # of a motion that is published at once
+_UNKNOWN = np.float32(np.inf)
 
 
 class Publisher(Protocol):
@@ -19,11 +21,21 @@ class Publisher(Protocol):
 
 
 class PoseCorrector:
-    """Corrects keyframe poses. If two processes do so, each holds the map's lease in `correct`."""
+    """Corrects keyframe poses. If two processes do so, each holds the map's lease in `correct`.
+
+    A round of bundle adjustment moves all keyframes of a run, most of them by less than a millimetre. Their
+    poses are not published before `publish_rest`, else the log would grow with the square of time.
+    """
 
     def __init__(self, publisher: Publisher, mode: MapState) -> None:
         self._publisher = publisher
         self._mode = mode
+        self._published = np.empty(
+            (0, 7), np.float32
+        )  # t and q of each keyframe, inf: not published yet
+        self._map_epoch = mode.map_epoch
+        self._has_rest = False
+        self._losses = 0.0, 0.0
 
     def correct(
         self,
@@ -35,23 +47,65 @@ class PoseCorrector:
         loops: list[tuple[int, int]] | None = None,
         T_then: np.ndarray | None = None,
     ) -> None:
-        """Call `KeyframeStore.correct_poses`, publish; `losses`: before and after, `loops`: closed pairs."""
-        base = store.pose_version
+        """Call `KeyframeStore.correct_poses`; publish the poses that have moved by more than 1 mm or 1 mrad
+        since they were last published. `losses`: before and after; `loops`: closed pairs."""
+        if self._map_epoch != self._mode.map_epoch:  # other keyframes
+            self._map_epoch, self._published = self._mode.map_epoch, self._published[:0]
+        base, self._losses = store.pose_version, losses
         moved = store.correct_poses(keyframes, T_world_cam, known, T_then)
-        t = moved.T_world_cam[:, :3, 3]
-        q = quaternions_from_rotations(moved.T_world_cam[:, :3, :3])
-        for first in range(0, max(len(moved.keyframes), 1), _MOST_A_MESSAGE):
+        pose = _t_and_q(moved.T_world_cam)
+        is_news = self._is_news(moved.keyframes, pose)
+        self._has_rest |= not is_news.all()
+        pairs = [(min(pair), max(pair)) for pair in loops or []]
+        self._publish(moved.keyframes[is_news], pose[is_news], (base, moved.version), pairs)
+
+    def publish_rest(self, store: KeyframeStore) -> None:
+        """Publish the present poses of all keyframes, if some have moved since they were last published."""
+        if self._has_rest and self._map_epoch == self._mode.map_epoch:
+            poses, version = store.poses(), store.pose_version
+            self._hold(len(poses))
+            self._publish(np.arange(len(poses)), _t_and_q(poses), (version, version), [])
+            self._has_rest = False
+
+    def _is_news(self, ids: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Whether keyframes `ids` [n] have moved, to `pose` [n, 7], since they were published, [n] bool."""
+        self._hold(int(ids.max(initial=-1)) + 1)
+        off = pose - self._published[ids]
+        has_moved = np.linalg.norm(off[:, :3], axis=1) > _LEAST_M
+        return has_moved | (2 * np.linalg.norm(off[:, 3:], axis=1) > _LEAST_RAD)
+
+    def _hold(self, count: int) -> None:
+        """Have rows for the first `count` keyframes."""
+        unknown = np.full((max(count - len(self._published), 0), 7), _UNKNOWN)
+        self._published = np.concatenate([self._published, unknown])
+
+    def _publish(
+        self,
+        ids: np.ndarray,
+        pose: np.ndarray,
+        versions: tuple[int, int],
+        loops: list[tuple[int, int]],
+    ) -> None:
+        """Publish poses [n, 7] of keyframes `ids` [n]; `versions`: before and now."""
+        self._published[ids] = pose
+        for first in range(0, max(len(ids), 1), _MOST_A_MESSAGE):
             part = slice(first, first + _MOST_A_MESSAGE)
             self._publisher.put(
                 Correction(
-                    pose_version=moved.version,
-                    base_version=base,
-                    keyframes=moved.keyframes[part].tolist(),
-                    t=[(x, y, z) for x, y, z in t[part].tolist()],
-                    q=[(x, y, z, w) for x, y, z, w in q[part].tolist()],
-                    loss_before=losses[0],
-                    loss_after=losses[1],
-                    loops=[(min(pair), max(pair)) for pair in loops or []] if first == 0 else [],
-                    map_epoch=self._mode.map_epoch,
+                    pose_version=versions[1],
+                    base_version=versions[0],
+                    keyframes=ids[part].tolist(),
+                    t=[(x, y, z) for x, y, z in pose[part, :3].tolist()],
+                    q=[(x, y, z, w) for x, y, z, w in pose[part, 3:].tolist()],
+                    loss_before=self._losses[0],
+                    loss_after=self._losses[1],
+                    loops=loops if first == 0 else [],
+                    map_epoch=self._map_epoch,
                 )
             )
+
+
+def _t_and_q(T_world_cam: np.ndarray) -> np.ndarray:
+    """Positions and quaternions (xyzw) of poses [n, 4, 4], [n, 7] float64."""
+    q = quaternions_from_rotations(T_world_cam[:, :3, :3])
+    return np.concatenate([T_world_cam[:, :3, 3], q], axis=1)

@@ -48,6 +48,7 @@ class RunState:
     tracked: int = 0
     lost: int = 0
     ba_rounds: int = 0
+    pose_version: tuple[int, int] = (0, 0)  # map epoch and version of the last correction
     started_s: float = field(default_factory=time.monotonic)
     recent: deque["PoseTimes"] = field(default_factory=lambda: deque(maxlen=_RECENT))
     newest_index: dict[int, int] = field(
@@ -131,7 +132,10 @@ class Listener:
             state.map = version
         for keyframe in self._keyframes.drain():
             state.last_keyframe = max(state.last_keyframe, keyframe.id)
-        state.ba_rounds += len(self._corrections.drain())
+        for moved in self._corrections.drain():  # perhaps several of one round
+            version = moved.map_epoch, moved.pose_version
+            state.ba_rounds += version != state.pose_version
+            state.pose_version = version
         state.source_end = self._end.poll() or state.source_end
         beats = self._health.drain()
         for health in beats:

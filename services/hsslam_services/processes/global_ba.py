@@ -54,6 +54,7 @@ def _run(worker: Worker) -> None:
             if maps.wait(_POLL_S) is not None:
                 loop.work_if_due()
     loop.catch_up()
+    loop.publish_rest()
 
 
 class _BaLoop:
@@ -91,6 +92,11 @@ class _BaLoop:
             if not (ba.has_joined(store) if self._is_lockstep else ba.is_behind(store)):
                 return
             self._round(ba, store)
+
+    def publish_rest(self) -> None:
+        """Publish what earlier corrections left out."""
+        if (store := self._link.store()) is not None:
+            self._corrector.publish_rest(store)
 
     def _opened(self) -> tuple[BundleAdjustment, KeyframeStore] | None:
         """The adjustment and its keyframes; None while there is no map to adjust."""

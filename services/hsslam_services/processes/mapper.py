@@ -48,6 +48,7 @@ def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
     _follow_keyframes(worker, loop)
     loop.do_last_iterations()
+    loop.publish_rest()
 
 
 def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
@@ -227,6 +228,11 @@ class _MapperLoop:
             self._worker.event(
                 "info", f"{done} of {n} last iterations done: --finish-s allows no more"
             )
+
+    def publish_rest(self) -> None:
+        """Publish what earlier corrections left out."""
+        if self._corrector and (store := self._link.store()) is not None:
+            self._corrector.publish_rest(store)
 
     def _last_iterations_end_s(self) -> float:
         """Monotonic time at which the last iterations must end, so that the map is saved in time."""

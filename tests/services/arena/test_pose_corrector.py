@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_proto.messages import Correction
-from hsslam_proto.pose_codec import wire_pose
+from hsslam_proto.pose_codec import pose_matrix, wire_pose
 from hsslam_services.arena import pose_corrector
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.pose_corrector import PoseCorrector
@@ -46,3 +46,25 @@ def test_a_large_correction_comes_in_parts(tmp_path, monkeypatch):
     assert [m.keyframes for m in heard.messages] == [[1, 2], [3, 4], [5]]
     assert {m.pose_version for m in heard.messages} == {1}
     assert [m.loops for m in heard.messages] == [[(1, 5)], [], []]
+
+
+def test_small_motions_are_published_when_they_add_up_and_at_the_end(tmp_path):
+    store, heard = mapped_room().store, _Heard()
+    corrector = PoseCorrector(heard, MapState.create(tmp_path, localise_only=False))
+    ids, all_ids = np.arange(1, store.count), list(range(1, store.count))
+    for _ in range(4):
+        moved = store.poses_of(ids)
+        moved[:, 0, 3] += 0.0004
+        moved[3, 0, 3] += 0.01
+        corrector.correct(store, ids, moved, None, (0.5, 0.25))
+    assert [m.keyframes for m in heard.messages] == [all_ids, [4], [4], all_ids]
+    moved[:, 1, 3] += 0.0004
+    corrector.correct(store, ids, moved, None, (0.5, 0.25))
+    assert heard.messages[-1].keyframes == []
+    corrector.publish_rest(store)
+    rest = heard.messages[-1]
+    assert rest.keyframes == [0, *all_ids] and rest.base_version == rest.pose_version == 5
+    poses = [pose_matrix([*t, *q]) for t, q in zip(rest.t, rest.q, strict=True)]
+    np.testing.assert_allclose(poses, store.poses(), atol=1e-12)
+    corrector.publish_rest(store)
+    assert heard.messages[-1] is rest
