@@ -28,23 +28,31 @@ class _Saved(msgspec.Struct, frozen=True, array_like=True):
     channels: dict[int, str]
     counts: dict[str, int]
     next_sequence: list[tuple[str, int, int]]  # key, publisher, sequence
+    missed: dict[str, int]  # by key
 
 
 class RecordedSoFar:
     """Number of logged messages by topic key, and the next sequence number of each publisher.
 
     A restarted recorder reads the saved state, and from there to the end of the log, about a second of it.
-    `has` is true for messages that the previous recorder logged; `add` takes messages logged now. Knows
-    the newest 256 publishers.
+    `has` is true for messages that the previous recorder logged; `add` takes messages logged now; `missed`
+    counts those that no recorder received. Knows the newest 256 publishers.
     """
 
     def __init__(self, run_dir: Path, run_id: str) -> None:
         self.counts: Counter[str] = Counter()
+        self.missed: Counter[str] = Counter()
         self._run_id = run_id
         self._next: OrderedDict[tuple[str, int], int] = OrderedDict()
         self._unplaced: set[Identity] = set()
         self._read(run_dir)
         self._before = dict(self._next)
+        self._ends: dict[
+            str, int
+        ] = {}  # next sequence after those whose publisher the log does not name
+        for key, _, sequence in self._unplaced:
+            self._ends[key] = max(self._ends.get(key, 0), sequence + 1)
+        self._heard: set[tuple[str, int]] = set()
         self._path = run_dir / _FILE
         self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
@@ -61,6 +69,18 @@ class RecordedSoFar:
         self._follow(key, envelope)
         return True
 
+    def find_missed(self, key: str, envelope: Envelope) -> int:
+        """How many messages of this publisher lie between the last one that the previous recorder logged and
+        this one, if it is the first since; they count as missed. 0 if the publisher was not known then."""
+        sender = (key, envelope.publisher)
+        before = self._before.get(sender)
+        if before is None or sender in self._heard:
+            return 0
+        self._heard.add(sender)
+        missed = max(envelope.sequence - max(before, self._ends.get(key, 0)), 0)
+        self.missed[key] += missed
+        return missed
+
     def add(self, key: str, envelope: Envelope | None) -> None:
         """Count a logged message."""
         self.counts[key] += 1
@@ -70,7 +90,15 @@ class RecordedSoFar:
     def save(self, part: Path, position: int, channels: dict[int, str]) -> None:
         """Save the state; all added messages are in the log, up to byte `position` of `part`."""
         senders = [(*sender, sequence) for sender, sequence in self._next.items()]
-        saved = _Saved(self._run_id, part.name, position, channels, dict(self.counts), senders)
+        saved = _Saved(
+            self._run_id,
+            part.name,
+            position,
+            channels,
+            dict(self.counts),
+            senders,
+            dict(self.missed),
+        )
         data = msgspec.msgpack.encode(saved)
         with contextlib.suppress(OSError):  # a full disk: the older state stays
             os.pwrite(self._fd, _HEAD.pack(len(data), zlib.crc32(data)) + data, 0)
@@ -96,6 +124,7 @@ class RecordedSoFar:
         if saved.run_id != self._run_id:
             return
         self.counts.update(saved.counts)
+        self.missed.update(saved.missed)
         self._next.update({(key, sender): n for key, sender, n in saved.next_sequence})
         number = part_number(Path(saved.part))
         for path in parts(run_dir):

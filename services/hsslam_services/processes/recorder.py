@@ -151,7 +151,11 @@ class Recorder:
             "keyframes_logged": counts[topics.KEYFRAME.name],
             "events_logged": counts[topics.EVENT.name],
             "messages_logged": counts.total(),
-            "frames_dropped": dropped[topics.FRAME.name] + self._skipped[topics.FRAME.name],
+            "frames_dropped": (
+                dropped[topics.FRAME.name]
+                + self._skipped[topics.FRAME.name]
+                + self._recorded.missed[self._key(topics.FRAME)]
+            ),
             "frames_unusable": self._unusable,
             "poses_dropped": dropped[topics.POSE.name],
             "viewer_dropped": self._view.dropped,
@@ -216,6 +220,9 @@ class Recorder:
             self._confirms = True
             self._confirm()
         if isinstance(message, Frame):
+            if envelope and (missed := self._recorded.find_missed(key, envelope)):
+                text = f"{missed} frames before it are not recorded: the recorder was restarted"
+                self._report("warning", f"{self._log.path}: {text}")
             if envelope and not message.publisher:
                 message = msgspec.structs.replace(message, publisher=envelope.publisher)
             try:

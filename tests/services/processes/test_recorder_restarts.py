@@ -58,6 +58,7 @@ def start(endpoint, tmp_path):
 def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, start):
     with Bus(endpoint, "r", "tracker") as bus:
         poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
+        frames = bus.publisher(topics.FRAME)
         meshes = bus.publisher(topics.MESH_BLOCKS)
         meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
         first = start()
@@ -65,6 +66,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
         meshes.put(blocks(3, 2))
         for index in range(100):
             poses.put(pose(index))
+            frames.put(frame(index))
             if index % 10 == 0:
                 keyframes.put(keyframe(index // 10))
             time.sleep(0.02)
@@ -72,9 +74,11 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
         first.wait()
         for index in range(100, 120):
             poses.put(pose(index))
+            frames.put(frame(index))
         second = start()
         for index in range(120, 140):
             poses.put(pose(index))
+            frames.put(frame(index))
             time.sleep(0.02)
         second.send_signal(signal.SIGTERM)
         assert second.wait(timeout=20) == 0, second.communicate()
@@ -90,6 +94,8 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
         assert mesh is not None and len(mesh.triangles.faces) == 3 and not mesh.is_final
     summary = json.loads(second.stdout.read().splitlines()[-1])
     assert summary["poses_logged"] == 140
+    assert summary["frames_dropped"] >= 20
+    assert summary["frames_logged"] + summary["frames_dropped"] == 140
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]
 
 
