@@ -63,6 +63,10 @@ def _places(given: Path) -> tuple[Path, Path]:
         arena_dir = Path(RunInfo.read(given).arena_dir)
         _expect_own(arena_dir)
         return arena_dir, given
+    if not given.exists():
+        raise UserError(
+            f"{given}: does not exist: expected the run folder, whose summary.json says what is saved"
+        )
     _expect_own(given)
     unsaved = read_unsaved(given)
     try:

@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.arena.arena_folder import SHM_ROOT
 from hsslam_services.run.exit_code import ExitCode
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
@@ -133,3 +134,10 @@ def test_a_rescue_that_is_interrupted_has_not_saved_everything(tmp_path: Path):
         told = process.stderr.read()
     assert process.returncode == ExitCode.NOT_SAVED
     assert told == "rescue interrupted: unsaved results stay in memory\n"
+
+
+def test_an_arena_that_is_gone_is_one_line():
+    gone = SHM_ROOT / "hsslam-gone"
+    done = _rescue(gone)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert done.stderr.startswith(f"error: {gone}: does not exist: expected the run folder")
