@@ -3,18 +3,29 @@
 import contextlib
 import resource
 
+from hsslam_node.errors import UserError
+
+_FEWEST = 128  # the supervisor of a small run has about 50
 _WANTED = 65_536  # the hard limit may be a billion, and some programs loop over all descriptors
 _MOST_SESSIONS = 1000
 _DESCRIPTORS_PER_SESSION = 4  # a session takes one; the rest is for processes
 
 
 def allow_descriptors() -> None:
-    """Raise the soft limit of open descriptors towards the hard one; processes of the run inherit it."""
+    """Raise the soft limit of open descriptors towards the hard one; processes of the run inherit it.
+
+    Raises:
+        UserError: the hard limit is too small for a run.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _WANTED if hard == resource.RLIM_INFINITY else min(_WANTED, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    if 0 <= hard < _FEWEST:
+        raise UserError(
+            f"ulimit -n: this process may open {hard} files: expected {_FEWEST} or more"
+        )
 
 
 def most_sessions() -> int:

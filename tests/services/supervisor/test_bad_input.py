@@ -37,6 +37,11 @@ def _expect_one_line(run: ServeProcess, *parts: str) -> None:
     run.expect_nothing_left()
 
 
+def test_a_small_limit_of_open_files(serve):
+    run = serve(*SMALL_ROOM, prefix=("prlimit", "--nofile=40"))
+    _expect_one_line(run, "ulimit -n: this process may open 40 files: expected 128 or more")
+
+
 def test_unknown_source_and_a_folder_that_is_not_there(serve):
     _expect_one_line(serve("--source", "synth:rom"), "synth:rom", "did you mean synth:room?")
     _expect_one_line(serve("--source", "tum:fr1/desk"), "fr1/desk", "refused", "by hand")
