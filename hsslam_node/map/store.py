@@ -88,10 +88,11 @@ class KeyframeStore:
         """Say that the keyframes of now come from a saved map."""
         store_ordered(self._header, INHERITED, self.count)
 
-    def has_room(self) -> bool:
-        """The tracker only: whether a keyframe can be appended; counted where it cannot."""
+    def has_room(self, *, has_gap: bool = False) -> bool:
+        """The tracker only: whether a keyframe can be appended, with or without a gap before it; counted
+        where it cannot."""
         slot, _ = self._slots.reserve(self.count, self.room.most_kept)
-        has_room = slot >= 0 and self._rows.reserve(self.count)
+        has_room = slot >= 0 and self._rows.reserve(self.count, has_gap)
         if not has_room:
             self.room.refuse()
         return has_room

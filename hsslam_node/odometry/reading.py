@@ -10,7 +10,8 @@ from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transfor
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 
 _FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: least covariance, also at rest, for errors of stamps
-_LONG_M = 0.25  # of a step; errors of the heading within a shorter one add at most 1 % to the usual variance
+# of a step; within a shorter one, errors of the heading add at most 1 % to the variance of the default noise
+_LONG_M = 0.25
 _POSITION, _ROTATION = slice(0, 3), slice(3, 6)
 
 

@@ -97,9 +97,10 @@ class DeadReckoning:
     def expected(
         self, T_world_last: np.ndarray, reading: OdometryReading | None
     ) -> Reckoning | None:
-        """The pose of a frame with this reading, from the pose [4, 4] of the last aligned one; None if
-        odometry does not know the motion. If that frame had no reading, the motion is that since the frame
-        with the last one, if it is sure, without what the camera saw of it."""
+        """The pose of a frame with this reading, from the pose [4, 4] of the last aligned frame; None if the
+        motion is not known. If the last aligned frame had no reading, the motion by odometry begins at an
+        earlier frame, which had one. It counts without the part up to the last aligned frame, which the
+        camera saw, and only if it is sure."""
         motion = self._since.to(reading)
         if motion is None:
             return None

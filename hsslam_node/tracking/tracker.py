@@ -178,7 +178,8 @@ class Tracker:
         reference = aligner.observe(alignment)
         self._keyframes.frames_since += 1
         new = None
-        if self._keyframes.is_due(seen, alignment, T, reference.coverage):
+        has_gap = bool(gap.any()) or reference.is_at_place
+        if self._keyframes.is_due(seen, alignment, T, reference.coverage, has_gap=has_gap):
             new = self._keyframes.append(frame, alignment, aligner, doubt, gap)
             T, version = new.T_world_cam, new.pose_version
             k, T_keyframe_cam = new.id, np.eye(4)
@@ -234,7 +235,12 @@ class Tracker:
 
     def _may_append_unaligned(self, seen: Observation) -> bool:
         is_long = self._reckoned.unaligned_frames >= _DEAD_RECKONED_FRAMES
-        return is_long and seen.has_depth and not seen.localise_only and self._store.has_room()
+        return (
+            is_long
+            and seen.has_depth
+            and not seen.localise_only
+            and self._store.has_room(has_gap=True)
+        )
 
     def _append_unaligned(self, seen: Observation, reckoning: Reckoning) -> TrackResult:
         """Append a keyframe at the dead-reckoned pose and track from it. After a loop closure, bundle

@@ -1,4 +1,4 @@
-"""Faults of odometry that only many messages show are reported, each once."""
+"""Faults of odometry that only many messages show are reported."""
 
 import numpy as np
 

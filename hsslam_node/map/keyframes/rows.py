@@ -63,14 +63,16 @@ class KeyframeRows:
         slab.meta[row, _FRAGMENT] = fragment
         slab.poses[:, row] = T
         slab.covariances[row] = covariance
-        if np.any(gap_covariance):
+        slab.meta[row, _HAS_GAP] = has_gap = bool(np.any(gap_covariance))
+        if has_gap:
             self._slab_gaps(k // SLAB_ROWS, create=True)[row] = gap_covariance
-            slab.meta[row, _HAS_GAP] = 1
 
-    def reserve(self, k: int) -> bool:
-        """The tracker only: make room for row k; False if there is no memory."""
+    def reserve(self, k: int, has_gap: bool) -> bool:
+        """The tracker only: make room for row k, with or without a gap; False if there is no memory."""
         try:
             self._slab(k // SLAB_ROWS, create=True)
+            if has_gap:
+                self._slab_gaps(k // SLAB_ROWS, create=True)
         except OutOfMemoryError:
             return False
         return True

@@ -38,7 +38,7 @@ class StagedKeyframes:
         """Write the pixels of one more keyframe; False if there is no room."""
         k = self._first + len(self.staged)
         slot, _ = self._slots.reserve(k, self._most())
-        if slot < 0 or not self._rows.reserve(k):
+        if slot < 0 or not self._rows.reserve(k, has_gap=True):
             return False
         self._slots.write(slot, frame.color, frame.depth_raw)
         self._slots.take(slot, k)

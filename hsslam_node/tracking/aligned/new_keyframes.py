@@ -46,18 +46,20 @@ class NewKeyframes:
         return self.frames_since >= self.spacing * self._config.keyframes.every_frames
 
     def is_due(
-        self, seen: Observation, alignment: Alignment, T_world_cam: np.ndarray, coverage: float
-    ) -> bool:
+        self, seen: Observation, alignment: Alignment, T_world_cam: np.ndarray, coverage: float,
+        *, has_gap: bool,
+    ) -> bool:  # fmt: skip
         """Whether a frame becomes a keyframe: the map grows, there is room, and the camera moves.
 
         coverage: largest share of a frame's points that have met the reference's surface.
+        has_gap: whether it was not tracked all the way from the newest keyframe.
         """
         if seen.localise_only:
             return False
         is_left = self.frames_since >= _FEWEST_BETWEEN and is_left_behind(
             alignment, coverage, self._config.tracker
         )
-        if not (is_left or self.is_late) or not self._store.has_room():
+        if not (is_left or self.is_late) or not self._store.has_room(has_gap=has_gap):
             return False
         return not self._still.has_enough(T_world_cam, seen.levels[0].grey) or is_left
 

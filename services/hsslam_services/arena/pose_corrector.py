@@ -11,6 +11,7 @@ from hsslam_services.arena.map_state import MapState
 
 _MOST_A_MESSAGE = 8192  # keyframes: 0.6 MB
 _LEAST_M, _LEAST_RAD = 1e-3, 1e-3  # of a motion that is published at once
+_GROWTH = 1.5  # of the number of keyframes, from one message with all poses to the next
 _UNKNOWN = np.float32(np.inf)
 
 
@@ -23,18 +24,19 @@ class Publisher(Protocol):
 class PoseCorrector:
     """Corrects keyframe poses. If two processes do so, each holds the map's lease in `correct`.
 
-    A round of bundle adjustment moves all keyframes of a run, most of them by less than a millimetre. Their
-    poses are not published before `publish_rest`, else the log would grow with the square of time.
+    A round of bundle adjustment can move every keyframe of a run, most of them by less than a millimetre.
+    These poses are published only when there are half as many keyframes more, and by `publish_all`.
+    Otherwise the log would grow with the square of time.
     """
 
     def __init__(self, publisher: Publisher, mode: MapState) -> None:
         self._publisher = publisher
         self._mode = mode
-        self._published = np.empty(
-            (0, 7), np.float32
-        )  # t and q of each keyframe, inf: not published yet
+        # t and q of each keyframe, inf: not known to be published
+        self._published = np.empty((0, 7), np.float32)
         self._map_epoch = mode.map_epoch
-        self._has_rest = False
+        self._version = 0  # of the poses that this process left
+        self._all_at = 0  # keyframes when all poses were published
         self._losses = 0.0, 0.0
 
     def correct(
@@ -49,23 +51,34 @@ class PoseCorrector:
     ) -> None:
         """Call `KeyframeStore.correct_poses`; publish the poses that have moved by more than 1 mm or 1 mrad
         since they were last published. `losses`: before and after; `loops`: closed pairs."""
-        if self._map_epoch != self._mode.map_epoch:  # other keyframes
-            self._map_epoch, self._published = self._mode.map_epoch, self._published[:0]
         base, self._losses = store.pose_version, losses
+        if self._map_epoch != self._mode.map_epoch or base != self._version:
+            # another map, or another process has corrected poses
+            self._map_epoch, self._published = self._mode.map_epoch, self._published[:0]
         moved = store.correct_poses(keyframes, T_world_cam, known, T_then)
-        pose = _t_and_q(moved.T_world_cam)
-        is_news = self._is_news(moved.keyframes, pose)
-        self._has_rest |= not is_news.all()
+        self._version = moved.version
         pairs = [(min(pair), max(pair)) for pair in loops or []]
-        self._publish(moved.keyframes[is_news], pose[is_news], (base, moved.version), pairs)
+        if store.count >= _GROWTH * self._all_at:
+            self._publish_all(store, (base, moved.version), pairs)
+        else:
+            pose = _t_and_q(moved.T_world_cam)
+            is_news = self._is_news(moved.keyframes, pose)
+            self._publish(moved.keyframes[is_news], pose[is_news], (base, moved.version), pairs)
 
-    def publish_rest(self, store: KeyframeStore) -> None:
-        """Publish the present poses of all keyframes, if some have moved since they were last published."""
-        if self._has_rest and self._map_epoch == self._mode.map_epoch:
-            poses, version = store.poses(), store.pose_version
-            self._hold(len(poses))
-            self._publish(np.arange(len(poses)), _t_and_q(poses), (version, version), [])
-            self._has_rest = False
+    def publish_all(self, store: KeyframeStore) -> None:
+        """Publish the present poses of all keyframes, if a process has corrected some; hold the lease as in
+        `correct`."""
+        if version := store.pose_version:
+            self._map_epoch = self._mode.map_epoch
+            self._publish_all(store, (version, version), [])
+
+    def _publish_all(
+        self, store: KeyframeStore, versions: tuple[int, int], loops: list[tuple[int, int]]
+    ) -> None:
+        poses = store.poses()
+        self._all_at = len(poses)
+        self._hold(len(poses))
+        self._publish(np.arange(len(poses)), _t_and_q(poses), versions, loops)
 
     def _is_news(self, ids: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """Whether keyframes `ids` [n] have moved, to `pose` [n, 7], since they were published, [n] bool."""

@@ -47,9 +47,8 @@ class RecordedSoFar:
         self._unplaced: set[Identity] = set()
         self._read(run_dir)
         self._before = dict(self._next)
-        self._ends: dict[
-            str, int
-        ] = {}  # next sequence after those whose publisher the log does not name
+        # next sequence after those whose publisher the log does not name, by key
+        self._ends: dict[str, int] = {}
         for key, _, sequence in self._unplaced:
             self._ends[key] = max(self._ends.get(key, 0), sequence + 1)
         self._heard: set[tuple[str, int]] = set()
@@ -69,15 +68,16 @@ class RecordedSoFar:
         self._follow(key, envelope)
         return True
 
-    def find_missed(self, key: str, envelope: Envelope) -> int:
+    def find_missed(self, key: str, envelope: Envelope, received: int) -> int:
         """How many messages of this publisher lie between the last one that the previous recorder logged and
-        this one, if it is the first since; they count as missed. 0 if the publisher was not known then."""
+        this one, if it is the first since, but for `received` ones; they count as missed. 0 if the previous
+        recorder did not know the publisher."""
         sender = (key, envelope.publisher)
         before = self._before.get(sender)
         if before is None or sender in self._heard:
             return 0
         self._heard.add(sender)
-        missed = max(envelope.sequence - max(before, self._ends.get(key, 0)), 0)
+        missed = max(envelope.sequence - max(before, self._ends.get(key, 0)) - received, 0)
         self.missed[key] += missed
         return missed
 

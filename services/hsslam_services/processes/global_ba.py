@@ -6,7 +6,7 @@ Arena: reads map_state, load_level; writes keyframes, map
 """
 
 import time
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 
 from hsslam_node.bundle_adjustment.adjustment import BundleAdjustment
@@ -54,7 +54,7 @@ def _run(worker: Worker) -> None:
             if maps.wait(_POLL_S) is not None:
                 loop.work_if_due()
     loop.catch_up()
-    loop.publish_rest()
+    loop.publish_all()
 
 
 class _BaLoop:
@@ -93,10 +93,11 @@ class _BaLoop:
                 return
             self._round(ba, store)
 
-    def publish_rest(self) -> None:
-        """Publish what earlier corrections left out."""
+    def publish_all(self) -> None:
+        """Publish the poses of all keyframes, as corrections leave some out."""
         if (store := self._link.store()) is not None:
-            self._corrector.publish_rest(store)
+            with self._alone():
+                self._corrector.publish_all(store)
 
     def _opened(self) -> tuple[BundleAdjustment, KeyframeStore] | None:
         """The adjustment and its keyframes; None while there is no map to adjust."""
@@ -120,10 +121,13 @@ class _BaLoop:
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
         if report.moved and self._may_step():
-            # if mapping refines poses too, only the holder of the lease writes them
-            alone = self._worker.options.slam.mapper.pose_rate == 0
-            with nullcontext() if alone else lease():
+            with self._alone():
                 self._correct(store, report)
+
+    def _alone(self) -> AbstractContextManager[None]:
+        """If mapping refines poses too, only the holder of the lease writes them."""
+        is_alone = self._worker.options.slam.mapper.pose_rate == 0
+        return nullcontext() if is_alone else self._worker.arena.lease(PARAMETERS_LEASE)
 
     def _rest(self) -> None:
         """Rest between two pieces of a round; counts as a turn of the loop for the supervisor."""

@@ -48,7 +48,7 @@ def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
     _follow_keyframes(worker, loop)
     loop.do_last_iterations()
-    loop.publish_rest()
+    loop.publish_all_poses()
 
 
 def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
@@ -229,10 +229,11 @@ class _MapperLoop:
                 "info", f"{done} of {n} last iterations done: --finish-s allows no more"
             )
 
-    def publish_rest(self) -> None:
-        """Publish what earlier corrections left out."""
+    def publish_all_poses(self) -> None:
+        """If mapping refines poses, publish those of all keyframes, as corrections leave some out."""
         if self._corrector and (store := self._link.store()) is not None:
-            self._corrector.publish_rest(store)
+            with self._worker.arena.lease(PARAMETERS_LEASE):
+                self._corrector.publish_all(store)
 
     def _last_iterations_end_s(self) -> float:
         """Monotonic time at which the last iterations must end, so that the map is saved in time."""

@@ -220,9 +220,11 @@ class Recorder:
             self._confirms = True
             self._confirm()
         if isinstance(message, Frame):
-            if envelope and (missed := self._recorded.find_missed(key, envelope)):
-                text = f"{missed} frames before it are not recorded: the recorder was restarted"
-                self._report("warning", f"{self._log.path}: {text}")
+            if envelope:
+                dropped = sum(s.dropped for s in self._subscriptions if s.topic is topics.FRAME)
+                if missed := self._recorded.find_missed(key, envelope, dropped):
+                    text = f"{missed} frames are not recorded: the recorder was restarted"
+                    self._report("warning", f"{self._log.path}: {text}")
             if envelope and not message.publisher:
                 message = msgspec.structs.replace(message, publisher=envelope.publisher)
             try:

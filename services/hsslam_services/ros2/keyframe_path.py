@@ -22,4 +22,5 @@ def keyframe_path(
     ids = ids[(ids < store.inherited) | clock.is_known(source_ns[ids])]
     ros_ns = clock.ros_ns(source_ns[ids])
     stamps_ns = np.where(ids < store.inherited, now_ns, ros_ns)
-    return stamps_ns.tolist(), np.stack([robot.base_pose(T) for T in poses[ids]])
+    bases = [robot.base_pose(T) for T in poses[ids]]
+    return stamps_ns.tolist(), np.array(bases).reshape(-1, 4, 4)

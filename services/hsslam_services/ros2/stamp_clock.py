@@ -16,9 +16,8 @@ class StampClock:
         # source stamps and offsets: the last of a constant offset, and the first of another
         self._steps: deque[tuple[int, int]] = deque(maxlen=_MOST)
         self._newest = (0, 0)
-        self._latest_ns = -(
-            2**63
-        )  # the greatest source stamp, also if the source's clock was set back
+        # the greatest source stamp, also if the source's clock was set back
+        self._latest_ns = -(2**63)
 
     def learn(self, source_ns: int, ros_ns: int) -> None:
         """Learn from a frame that has both stamps."""

@@ -135,9 +135,9 @@ class TrackingEvents:
         if result.implausible_gravity is not None:
             text = (
                 "gravity of the IMU is not used: its mean acceleration is "
-                f"{result.implausible_gravity:.2f} m/s^2 upwards: expected about 9.81; check its unit and "
-                "sign, and that its driver does not remove gravity; for a camera upside down set "
-                "--base-T-camera"
+                f"{result.implausible_gravity:.2f} m/s^2 (below 0: downwards): expected about 9.81; "
+                "check its unit and sign, and that its driver does not remove gravity; for a camera "
+                "upside down set --base-T-camera"
             )
             self._warn_of("gravity", text)
         store = self._link.store()

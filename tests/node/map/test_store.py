@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, se3_exp
@@ -238,3 +238,16 @@ def test_rows_without_gaps_take_no_memory_for_them():
     store.append(_frame(1), np.eye(4), gap_covariance=np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
     assert arrays.exists("keyframe_gaps.000") and not store.gap_covariance(0).any()
     assert store.gap_covariance(1).diagonal().tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+
+
+class _NoRoomForGaps(MemoryAllocator):
+    def create(self, name, shape, dtype):
+        if name.startswith("keyframe_gaps"):
+            raise OutOfMemoryError(f"array {name}: full")
+        return super().create(name, shape, dtype)
+
+
+def test_room_for_a_keyframe_is_room_for_its_gap():
+    store = KeyframeStore.create(_NoRoomForGaps(), CAMERA, 5000.0, 16)
+    assert store.has_room() and not store.has_room(has_gap=True)
+    assert store.append(_frame(0), np.eye(4)) == 0

@@ -203,10 +203,10 @@ def test_a_correction_while_a_tracked_frame_is_accepted_moves_its_keyframe_and_i
     move = se3_exp(np.array([0.5, 0.1, 0, 0, 0.3, 0]))
     is_due = NewKeyframes.is_due
 
-    def corrected_meanwhile(*args: object) -> bool:
+    def corrected_meanwhile(*args: object, **named: object) -> bool:
         """Asked after the pose of the frame was read, before that of its keyframe."""
         store.correct_poses(np.arange(store.count), move @ store.poses())
-        return is_due(*args)
+        return is_due(*args, **named)
 
     monkeypatch.setattr(NewKeyframes, "is_due", corrected_meanwhile)
     result = tracker.track(frames[6], None)

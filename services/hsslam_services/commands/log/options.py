@@ -63,9 +63,9 @@ class TrimOptions:
     out: str = ""
     """File of the new log."""
     start: float = 0.0
-    """Start of the copy, s after the first message."""
+    """Start of the copy, s after the earliest message."""
     end: float | None = None
-    """End of the copy, s after the first message (none: the end of the log)."""
+    """End of the copy, s after the earliest message (none: the end of the log)."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < float("inf"):
