@@ -9,6 +9,7 @@ from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
 from hsslam_services.run.viewer_url import viewer_url
 from hsslam_services.viewer.drawing import Drawing, Intervals, NextFile
+from hsslam_services.viewer.open_viewer import OpenViewer
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.watch import ViewerWatch
 
@@ -22,6 +23,7 @@ class RerunView:
 
     `memory_gb`: memory limit of the viewer, as of `ViewerProcess`. `write_to` switches to another file: rerun
     keeps a list of all chunks of a file until its end. `show` never waits: new frames replace waiting ones.
+    A native viewer that an earlier recorder of the run has opened is used again.
     If a viewer cannot be started, closes or takes no data, `report` gets one warning, and the file goes on.
     """
 
@@ -34,6 +36,7 @@ class RerunView:
         memory_gb: float | None = None,
     ) -> None:
         self._process: ViewerProcess | None = None
+        self._open = OpenViewer(rrd.parent, recording_id)
         self._rrd = rrd
         self._threads = [Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
         if viewer == "none":
@@ -78,12 +81,18 @@ class RerunView:
             rr.unregister_shutdown()  # at exit the SDK would wait forever for data that it cannot write
         if self._process is not None:
             self._process.close()
+        self._open.forget()
 
     def _open_viewer(self, viewer: str, memory_gb: float | None) -> rr.GrpcSink:
-        if viewer in ("spawn", "web"):
-            process = ViewerProcess("spawn" if viewer == "spawn" else "web", memory_gb)
-            self._process = process
-            return rr.GrpcSink(process.url)
+        if viewer == "spawn":
+            if url := self._open.url():
+                return rr.GrpcSink(url)
+            self._process = ViewerProcess("spawn", memory_gb)
+            self._open.note(self._process)
+            return rr.GrpcSink(self._process.url)
+        if viewer == "web":
+            self._process = ViewerProcess("web", memory_gb)
+            return rr.GrpcSink(self._process.url)
         try:
             return rr.GrpcSink(viewer_url(viewer))
         except (RuntimeError, ValueError) as error:
