@@ -8,9 +8,9 @@ from tests.repository import ROOT
 _FIGURES = [
     # page, its text, row, text of the row
     ("README.md", "379 of 379 frames tracked", "viewer:kitchen:tracked", "(379 of 379,"),
-    ("README.md", "latency 12 ms (p99 27 ms)", "viewer:kitchen:latency", ": 12 / 20 / 27 ms"),
+    ("README.md", "latency 11 ms (p99 23 ms)", "viewer:kitchen:latency", ": 11 / 17 / 23 ms"),
     ("README.md", "599 of 599 frames,", "viewer:room:tracked", "(599 of 599,"),
-    ("README.md", "13 ms (p99 30 ms)", "viewer:room:latency", ": 13 / 24 / 30 ms"),
+    ("README.md", "13 ms (p99 35 ms)", "viewer:room:latency", ": 13 / 26 / 35 ms"),
     ("README.md", "livingroom 0.02 cm", "ate:livingroom", "0.02 cm (seeds"),
     ("README.md", "house 0.01 cm", "ate:house", "0.01 cm (seeds"),
     ("README.md", "house with Kinect noise 0.10 cm", "ate:house-kinect", "0.10 cm (seeds"),
@@ -24,7 +24,7 @@ _FIGURES = [
     ("README.md", "| 5 s; 55 s on the very", "first-pose:warm", "4.7 s"),
     ("README.md", "| 5 s; 55 s on the very", "first-pose:cold", "54.9 s"),
     ("README.md", "23\nframes a second (`room`)", "gpu:paper", "23.2 frames a second"),
-    ("README.md", "two cores at 0.8 (`house`", "paper:speed", "0.79 frames a second"),
+    ("README.md", "two cores at 1.3 (`house`", "paper:speed", "1.27 frames a second"),
     ("README.md", "| 1.7 GB for 1000 frames", "memory", "1.70 GB,"),
     ("README.md", "2.9 GB after an hour", "soak:walk:60min", "at most 2.91 GB"),
     ("README.md", "of this 0.5 GB", "growth:frames:shared", "/ 508.1 /"),
