@@ -16,7 +16,7 @@ def _poses(n: int) -> np.ndarray:
 def _mapped() -> KeyframeRows:
     """Rows of keyframes that the mapper has not seen yet."""
     rows = KeyframeRows(MemoryAllocator())
-    assert rows.reserve(0)
+    assert rows.reserve(0, has_gap=False)
     return rows
 
 
