@@ -5,9 +5,13 @@ import numpy as np
 from hsslam_node.geometry.se3_batch import inverse_batch
 from hsslam_node.geometry.trajectory import Trajectory, by_stamp
 
+_AROUND = 2  # keyframes before a frame in time, and as many after it
+
 
 def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajectory:
-    """Each pose moved as the keyframe nearest in time has moved.
+    """Each pose moved as a keyframe near it in time has moved, of several the one nearest in pose.
+
+    Keyframes of another session with the same stamps, as of a map that was continued, are elsewhere.
 
     Args:
         frames: poses in the world of `before`.
@@ -16,13 +20,20 @@ def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajec
     """
     order = np.argsort(before.stamps_ns, kind="stable")
     stamps_ns = before.stamps_ns[order]
-    later = np.clip(np.searchsorted(stamps_ns, frames.stamps_ns), 1, max(len(order) - 1, 1))
-    later = np.minimum(later, len(order) - 1)
-    earlier = np.maximum(later - 1, 0)
-    is_earlier = frames.stamps_ns - stamps_ns[earlier] <= stamps_ns[later] - frames.stamps_ns
-    nearest = order[np.where(is_earlier, earlier, later)]
-    moved = after[nearest] @ inverse_batch(before.T_world_cam[nearest])  # [N, 4, 4]
+    at = np.searchsorted(stamps_ns, frames.stamps_ns)
+    near = (at[:, None] + np.arange(-_AROUND, _AROUND)).clip(0, len(order) - 1)  # [N, 4]
+    apart_ns = np.abs(stamps_ns[near] - frames.stamps_ns[:, None])
+    near = order[np.take_along_axis(near, np.argsort(apart_ns, axis=1, kind="stable"), axis=1)]
+    apart = _apart(frames.T_world_cam[:, None], before.T_world_cam[near])
+    chosen = np.take_along_axis(near, apart.argmin(axis=1)[:, None], axis=1)[:, 0]
+    moved = after[chosen] @ inverse_batch(before.T_world_cam[chosen])  # [N, 4, 4]
     return Trajectory(frames.stamps_ns, moved @ frames.T_world_cam)
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distance of poses [..., 4, 4]: that of the centres, m, and the turn; a radian counts as a metre."""
+    turn = np.linalg.norm(a[..., :3, :3] - b[..., :3, :3], axis=(-2, -1)) / np.sqrt(2.0)
+    return np.linalg.norm(a[..., :3, 3] - b[..., :3, 3], axis=-1) + turn
 
 
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:

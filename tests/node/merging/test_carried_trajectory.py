@@ -34,6 +34,20 @@ def test_each_frame_follows_the_keyframe_nearest_in_time():
     assert carried(frames, before, after).positions[:, 0].tolist() == [1.0, 1.0, 5.0, 5.0]
 
 
+def test_a_frame_follows_no_keyframe_of_another_session_with_the_same_stamps():
+    stamps_ns = np.arange(0, 200, 20, dtype=np.int64)
+    own, other = np.tile(np.eye(4), (2, len(stamps_ns), 1, 1))
+    own[:, 0, 3], other[:, 1, 3] = 0.001 * stamps_ns, 3.0
+    frames_ns = np.arange(0, 200, 5, dtype=np.int64)
+    T = np.tile(np.eye(4), (len(frames_ns), 1, 1))
+    T[:, 0, 3] = 0.001 * frames_ns
+    before = Trajectory(np.concatenate([stamps_ns, stamps_ns + 1]), np.concatenate([own, other]))
+    after = before.T_world_cam.copy()
+    after[: len(own), 2, 3] = 0.08
+    found = carried(Trajectory(frames_ns, T), before, after)
+    np.testing.assert_allclose(found.positions[:, 2], 0.08)
+
+
 def test_sessions_are_joined_in_the_order_of_their_stamps():
     first = Trajectory(np.array([10, 30], np.int64), _poses(2, 0))
     second = Trajectory(np.array([20], np.int64), _poses(1, 1))
