@@ -190,7 +190,13 @@ def _expect_new_epoch(run, me: tuple[str, ...]) -> None:
     assert all(pose.map_epoch == (pose.index >= first.index) for pose in run.poses)
     held, now = now, _status(me)
     assert now["keyframes"] > 0 and now["restarts"] == {}
-    assert 8 < len(_trajectory(me)) <= _frames(me) - held["frames_tracked"]
+    # of the new epoch alone; on a busy machine the status is some frames behind the log
+    assert (
+        8
+        < len(_trajectory(me))
+        <= _frames(me) - held["frames_tracked"] + 5
+        < held["frames_tracked"]
+    )
 
 
 def _expect_two_trajectories(run, summary: dict) -> None:
