@@ -89,9 +89,9 @@ def _look(vertices, faces, T, intrinsics, drawn, measured, nearest, image, slope
             column = int(to_a * a[0] + to_b * b[0] + to_c * c[0] + 0.5)
             row = int(to_a * a[1] + to_b * b[1] + to_c * c[1] + 0.5)
             near = _TOLERANCE_M + _TOLERANCE_PER_M * z * z
-            is_missing = _is_missing(measured, row, column)
-            is_seen = _is_front(drawn, row, column, z, near)
-            is_seen &= is_missing or _is_front(measured, row, column, z, near)
+            is_seen = _is_front(drawn, row, column, z, near) and (
+                _is_front(measured, row, column, z, near) or _is_missing(measured, row, column)
+            )
             if not is_seen:
                 break
             doubt |= measured[row, column] == 0 or nearest[row, column] < z - _EDGE_M - near

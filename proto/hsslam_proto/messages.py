@@ -244,9 +244,9 @@ class Correction(Message, frozen=True, kw_only=True):
     """New poses of keyframes from global BA or mapping, computed from `base_version` of the poses. A
     correction of more than 8192 keyframes comes in several messages of the same `pose_version`.
 
-    Keyframes that have moved by at most 1 mm and 1 mrad since they were last published are left out. Each
-    time the run has half as many keyframes more, a correction has the poses of all. At the end, a message
-    with both versions equal has them, if there were corrections.
+    A correction leaves out keyframes that have moved by at most 1 mm and 1 mrad since it last had them. When
+    the number of keyframes has grown by half, the next correction has the poses of all. If there were
+    corrections, a message with both versions equal has the poses of all keyframes at the end.
 
     `loops`: pairs of keyframes, the older one first, of new loop closures.
     """

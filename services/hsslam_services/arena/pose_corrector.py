@@ -25,7 +25,7 @@ class PoseCorrector:
     """Corrects keyframe poses. If two processes do so, each holds the map's lease in `correct`.
 
     A round of bundle adjustment can move every keyframe of a run, most of them by less than a millimetre.
-    These poses are published only when there are half as many keyframes more, and by `publish_all`.
+    These poses are published only when the number of keyframes has grown by half, and by `publish_all`.
     Otherwise the log would grow with the square of time.
     """
 
@@ -52,9 +52,10 @@ class PoseCorrector:
         """Call `KeyframeStore.correct_poses`; publish the poses that have moved by more than 1 mm or 1 mrad
         since they were last published. `losses`: before and after; `loops`: closed pairs."""
         base, self._losses = store.pose_version, losses
-        if self._map_epoch != self._mode.map_epoch or base != self._version:
-            # another map, or another process has corrected poses
-            self._map_epoch, self._published = self._mode.map_epoch, self._published[:0]
+        if self._map_epoch != self._mode.map_epoch:
+            self._map_epoch, self._all_at = self._mode.map_epoch, 0
+        elif base != self._version:  # another process has corrected poses
+            self._published = self._published[:0]
         moved = store.correct_poses(keyframes, T_world_cam, known, T_then)
         self._version = moved.version
         pairs = [(min(pair), max(pair)) for pair in loops or []]
@@ -77,7 +78,7 @@ class PoseCorrector:
     ) -> None:
         poses = store.poses()
         self._all_at = len(poses)
-        self._hold(len(poses))
+        self._published = np.empty((len(poses), 7), np.float32)
         self._publish(np.arange(len(poses)), _t_and_q(poses), versions, loops)
 
     def _is_news(self, ids: np.ndarray, pose: np.ndarray) -> np.ndarray:

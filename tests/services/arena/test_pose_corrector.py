@@ -71,6 +71,17 @@ def test_without_corrections_nothing_is_published_at_the_end(tmp_path):
     assert heard.messages == []
 
 
+def test_the_first_correction_of_another_map_has_all_poses(tmp_path):
+    heard, state = _Heard(), MapState.create(tmp_path, localise_only=False)
+    corrector = PoseCorrector(heard, state)
+    for epoch in range(2):
+        state.map_epoch = epoch
+        store = mapped_room().store
+        _move(corrector, store, np.array([2, 5]), 0.01)
+        assert heard.messages[-1].keyframes == list(range(store.count))
+        assert heard.messages[-1].map_epoch == epoch
+
+
 def test_what_another_process_has_corrected_is_published_again(tmp_path):
     store, heard = mapped_room().store, _Heard()
     state = MapState.create(tmp_path, localise_only=False)
