@@ -83,15 +83,11 @@ class PoseCorrector:
 
     def _is_news(self, ids: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """Whether keyframes `ids` [n] have moved, to `pose` [n, 7], since they were published, [n] bool."""
-        self._hold(int(ids.max(initial=-1)) + 1)
+        unknown = max(int(ids.max(initial=-1)) + 1 - len(self._published), 0)
+        self._published = np.concatenate([self._published, np.full((unknown, 7), _UNKNOWN)])
         off = pose - self._published[ids]
         has_moved = np.linalg.norm(off[:, :3], axis=1) > _LEAST_M
         return has_moved | (2 * np.linalg.norm(off[:, 3:], axis=1) > _LEAST_RAD)
-
-    def _hold(self, count: int) -> None:
-        """Have rows for the first `count` keyframes."""
-        unknown = np.full((max(count - len(self._published), 0), 7), _UNKNOWN)
-        self._published = np.concatenate([self._published, unknown])
 
     def _publish(
         self,

@@ -4,7 +4,7 @@ import errno
 import fcntl
 import os
 import time
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -66,18 +66,23 @@ def _opened(path: Path) -> IO[bytes]:
         ) from None
 
 
-def start_ns(reader: McapReader) -> int:
-    """Wall clock of the first message, ns; 0 without messages."""
-    summary = reader.get_summary()
-    statistics = summary.statistics if summary else None
-    return statistics.message_start_time if statistics else 0
+def log_span_ns(files: Iterable[Path]) -> tuple[int, int]:
+    """Wall clock of the earliest and of the latest message of a log, ns; both 0 without messages.
 
+    If the clock was set back, the earliest message may be in a later part.
 
-def end_ns(reader: McapReader) -> int:
-    """Wall clock of the last message, ns; 0 without messages."""
-    summary = reader.get_summary()
-    statistics = summary.statistics if summary else None
-    return statistics.message_end_time if statistics else 0
+    Raises:
+        UserError: a part is damaged.
+    """
+    spans_ns = []
+    for path in files:
+        with log_reader(path) as reader:
+            summary = reader.get_summary()
+        found = summary.statistics if summary else None
+        if found and found.message_count:
+            spans_ns.append((found.message_start_time, found.message_end_time))
+    starts_ns, ends_ns = zip(*spans_ns, strict=True) if spans_ns else ((0,), (0,))
+    return min(starts_ns), max(ends_ns)
 
 
 def _damaged(path: Path, error: Exception) -> UserError:

@@ -5,6 +5,7 @@ import os
 import struct
 import zlib
 from collections import Counter, OrderedDict
+from operator import itemgetter
 from pathlib import Path
 
 import msgspec
@@ -47,11 +48,11 @@ class RecordedSoFar:
         self._unplaced: set[Identity] = set()
         self._read(run_dir)
         self._before = dict(self._next)
-        # next sequence after those whose publisher the log does not name, by key
-        self._ends: dict[str, int] = {}
-        for key, _, sequence in self._unplaced:
-            self._ends[key] = max(self._ends.get(key, 0), sequence + 1)
-        self._heard: set[tuple[str, int]] = set()
+        # next sequence of the publishers that have sent nothing since; the log does not name those of its end
+        ends = {key: n + 1 for key, _, n in sorted(self._unplaced, key=itemgetter(2))}
+        self._awaited = {
+            (key, publisher): max(n, ends.get(key, 0)) for (key, publisher), n in self._next.items()
+        }
         self._path = run_dir / _FILE
         self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
@@ -72,12 +73,10 @@ class RecordedSoFar:
         """How many messages of this publisher lie between the last one that the previous recorder logged and
         this one, if it is the first since, but for `received` ones; they count as missed. 0 if the previous
         recorder did not know the publisher."""
-        sender = (key, envelope.publisher)
-        before = self._before.get(sender)
-        if before is None or sender in self._heard:
+        awaited = self._awaited.pop((key, envelope.publisher), None)
+        if awaited is None:
             return 0
-        self._heard.add(sender)
-        missed = max(envelope.sequence - max(before, self._ends.get(key, 0)) - received, 0)
+        missed = max(envelope.sequence - awaited - received, 0)
         self.missed[key] += missed
         return missed
 

@@ -110,8 +110,8 @@ class Recorder:
             for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # frames last
             if topic.logged
         ]
-        frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
-        self._inlet = FrameInlet(frames, FrameOrder(), camera_arena)
+        self._frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
+        self._inlet = FrameInlet(self._frames, FrameOrder(), camera_arena)
 
     def spin_once(self, timeout_s: float = 0.2) -> bool:
         """Log all waiting small messages and one of each large topic, a frame last; False if none came."""
@@ -176,7 +176,7 @@ class Recorder:
         if lost_bytes or refused:
             lost = f"{lost_bytes} bytes and {refused} messages were not written"
             self._report("error", f"{self._log.path}: disk full, {lost}")
-        if missed := sum(s.dropped for s in self._subscriptions if s.topic is topics.FRAME):
+        if missed := self._frames.dropped:
             self._report(
                 "warning",
                 f"{self._log.path}: {missed} frames are not recorded: the recorder was too slow",
@@ -221,12 +221,11 @@ class Recorder:
             self._confirm()
         if isinstance(message, Frame):
             if envelope:
-                dropped = sum(s.dropped for s in self._subscriptions if s.topic is topics.FRAME)
-                if missed := self._recorded.find_missed(key, envelope, dropped):
+                if missed := self._recorded.find_missed(key, envelope, self._frames.dropped):
                     text = f"{missed} frames are not recorded: the recorder was restarted"
                     self._report("warning", f"{self._log.path}: {text}")
-            if envelope and not message.publisher:
-                message = msgspec.structs.replace(message, publisher=envelope.publisher)
+                if not message.publisher:
+                    message = msgspec.structs.replace(message, publisher=envelope.publisher)
             try:
                 logged = compress_frame(message, self._log.settings.color)
                 is_drawable = logged.color_encoding == "jpeg"

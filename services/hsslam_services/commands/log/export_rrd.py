@@ -11,7 +11,7 @@ import rerun as rr
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
-from hsslam_services.log.reader import bus_messages, end_ns, log_reader, start_ns
+from hsslam_services.log.reader import bus_messages, log_span_ns
 from hsslam_services.log.source import run_metadata
 from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.scene import RerunScene
@@ -47,9 +47,8 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
 
 def _recording_id(files: list[Path]) -> str:
     """An id of the messages, independent of the path: viewers merge recordings of the same id."""
-    with log_reader(files[0]) as first, log_reader(files[-1]) as last:
-        span = f"{start_ns(first)}-{end_ns(last)}"
-    return f"{run_metadata(files).get('run_id', 'log')}-export-{span}"
+    start_ns, end_ns = log_span_ns(files)
+    return f"{run_metadata(files).get('run_id', 'log')}-export-{start_ns}-{end_ns}"
 
 
 def _recording_name(files: list[Path]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
 from hsslam_services.commands.cli import terminal_progress
-from hsslam_services.log.reader import Logged, end_ns, log_reader, start_ns
+from hsslam_services.log.reader import Logged, log_span_ns
 
 
 @contextmanager
@@ -15,10 +15,9 @@ def log_progress(what: str, files: list[Path]) -> Iterator["LogProgress"]:
     """A progress bar over the log's time; only on a terminal, and removed at the end.
 
     Raises:
-        UserError: the first or the last file is damaged.
+        UserError: a part is damaged.
     """
-    with log_reader(files[0]) as first, log_reader(files[-1]) as last:
-        start, end = start_ns(first), end_ns(last)
+    start, end = log_span_ns(files)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

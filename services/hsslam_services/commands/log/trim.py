@@ -11,7 +11,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
-from hsslam_services.log.reader import log_reader, start_ns
+from hsslam_services.log.reader import log_reader, log_span_ns
 
 _MOST_NS = 2.0**63  # later than every message
 
@@ -67,8 +67,8 @@ class _Trimmed:
         progress: LogProgress,
     ) -> int:
         count = 0
-        first_ns = _first_ns(files)
-        low, high = first_ns + start_after_ns, first_ns + end_after_ns
+        start_ns, _ = log_span_ns(files)
+        low, high = start_ns + start_after_ns, start_ns + end_after_ns
         for path in files:
             with log_reader(path) as reader:
                 self._copy_metadata(reader)
@@ -108,15 +108,6 @@ class _Trimmed:
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(*key)
         return self._schemas[key]
-
-
-def _first_ns(files: list[Path]) -> int:
-    """Time of the earliest message, ns; in a later part if the clock was set back."""
-    starts_ns = []
-    for path in files:
-        with log_reader(path) as reader:
-            starts_ns.append(start_ns(reader))
-    return min((one for one in starts_ns if one), default=0)
 
 
 def _ns(seconds: float) -> int:
