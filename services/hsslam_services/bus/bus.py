@@ -6,7 +6,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 from hsslam_node.errors import UserError
@@ -94,12 +94,17 @@ class Bus:
         return publisher
 
     def subscribe(
-        self, topic: Topic[M], depth: int = 1, history: bool | None = None
+        self,
+        topic: Topic[M],
+        depth: int = 1,
+        history: bool | None = None,
+        awaited: Mapping[int, int] | None = None,
     ) -> Subscription[M]:
         """A subscription that queues at most `depth` messages.
 
         `history`: fetch the messages in the publishers' caches first, and lost messages again; default:
-        for topics with qos "keep".
+        for topics with qos "keep". `awaited`: next sequence number by publisher, as an earlier subscription
+        knew it; what came since counts as dropped.
         """
         wanted = topic.qos == "keep" if history is None else history
         subscription = Subscription(
@@ -109,6 +114,7 @@ class Bus:
             depth,
             wanted and (topic.history > 0 or topic.keeps_state),
             self._arrivals,
+            awaited or {},
         )
         self._subscriptions.append(subscription)
         return subscription

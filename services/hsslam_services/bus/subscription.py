@@ -4,6 +4,7 @@ import contextlib
 import threading
 import time
 from collections import OrderedDict, deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -50,6 +51,7 @@ class Subscription(Generic[M]):
         depth: int,
         history: bool,
         arrivals: threading.Condition,
+        awaited: Mapping[int, int],
     ) -> None:
         self.topic = topic
         self._session, self._key = session, key
@@ -58,7 +60,7 @@ class Subscription(Generic[M]):
         self._unreadable = 0
         self._refused = 0
         self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
-        self._next_sequence: OrderedDict[int, int] = OrderedDict()
+        self._next_sequence: OrderedDict[int, int] = OrderedDict(awaited)
         self._history_until: dict[int, int] = {}  # sequence by publisher
         self._arrivals = arrivals
         self._waiting: deque[Received[M]] = deque()

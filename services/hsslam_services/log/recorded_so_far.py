@@ -5,7 +5,7 @@ import os
 import struct
 import zlib
 from collections import Counter, OrderedDict
-from operator import itemgetter
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -29,30 +29,25 @@ class _Saved(msgspec.Struct, frozen=True, array_like=True):
     channels: dict[int, str]
     counts: dict[str, int]
     next_sequence: list[tuple[str, int, int]]  # key, publisher, sequence
-    missed: dict[str, int]  # by key
+    dropped: dict[str, int]  # by key
 
 
 class RecordedSoFar:
     """Number of logged messages by topic key, and the next sequence number of each publisher.
 
     A restarted recorder reads the saved state, and from there to the end of the log, about a second of it.
-    `has` is true for messages that the previous recorder logged; `add` takes messages logged now; `missed`
-    counts those that no recorder received. Knows the newest 256 publishers.
+    `has` is true for messages that the previous recorder logged; `add` takes messages logged now; `dropped`
+    counts by key those that earlier recorders dropped. Knows the newest 256 publishers.
     """
 
     def __init__(self, run_dir: Path, run_id: str) -> None:
         self.counts: Counter[str] = Counter()
-        self.missed: Counter[str] = Counter()
+        self.dropped: Counter[str] = Counter()
         self._run_id = run_id
         self._next: OrderedDict[tuple[str, int], int] = OrderedDict()
         self._unplaced: set[Identity] = set()
         self._read(run_dir)
         self._before = dict(self._next)
-        # next sequence of the publishers that have sent nothing since; the log does not name those of its end
-        ends = {key: n + 1 for key, _, n in sorted(self._unplaced, key=itemgetter(2))}
-        self._awaited = {
-            (key, publisher): max(n, ends.get(key, 0)) for (key, publisher), n in self._next.items()
-        }
         self._path = run_dir / _FILE
         self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
@@ -69,16 +64,13 @@ class RecordedSoFar:
         self._follow(key, envelope)
         return True
 
-    def find_missed(self, key: str, envelope: Envelope, received: int) -> int:
-        """How many messages of this publisher lie between the last one that the previous recorder logged and
-        this one, if it is the first since, but for `received` ones; they count as missed. 0 if the previous
-        recorder did not know the publisher."""
-        awaited = self._awaited.pop((key, envelope.publisher), None)
-        if awaited is None:
-            return 0
-        missed = max(envelope.sequence - awaited - received, 0)
-        self.missed[key] += missed
-        return missed
+    def awaited(self, key: str) -> dict[int, int]:
+        """Next sequence number after the log of each publisher that the previous recorder knew."""
+        logged = [sequence + 1 for name, _, sequence in self._unplaced if name == key]
+        end = max(logged, default=0)  # the log does not name the publishers of its end
+        return {
+            publisher: max(n, end) for (name, publisher), n in self._before.items() if name == key
+        }
 
     def add(self, key: str, envelope: Envelope | None) -> None:
         """Count a logged message."""
@@ -86,8 +78,11 @@ class RecordedSoFar:
         if envelope is not None:
             self._follow(key, envelope)
 
-    def save(self, part: Path, position: int, channels: dict[int, str]) -> None:
-        """Save the state; all added messages are in the log, up to byte `position` of `part`."""
+    def save(
+        self, part: Path, position: int, channels: dict[int, str], dropped: Mapping[str, int]
+    ) -> None:
+        """Save the state; all added messages are in the log, up to byte `position` of `part`. `dropped`: by
+        key, since the start of the run."""
         senders = [(*sender, sequence) for sender, sequence in self._next.items()]
         saved = _Saved(
             self._run_id,
@@ -96,7 +91,7 @@ class RecordedSoFar:
             channels,
             dict(self.counts),
             senders,
-            dict(self.missed),
+            dict(dropped),
         )
         data = msgspec.msgpack.encode(saved)
         with contextlib.suppress(OSError):  # a full disk: the older state stays
@@ -123,7 +118,7 @@ class RecordedSoFar:
         if saved.run_id != self._run_id:
             return
         self.counts.update(saved.counts)
-        self.missed.update(saved.missed)
+        self.dropped.update(saved.dropped)
         self._next.update({(key, sender): n for key, sender, n in saved.next_sequence})
         number = part_number(Path(saved.part))
         for path in parts(run_dir):

@@ -106,6 +106,7 @@ class Recorder:
                 topic,
                 _LARGE.get(topic, _DEPTH),
                 history=topic.history > 0 or topic.keeps_state,
+                awaited=self._recorded.awaited(self._key(topic)) if topic is topics.FRAME else None,
             )
             for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # frames last
             if topic.logged
@@ -136,7 +137,7 @@ class Recorder:
         if self._whole_mesh.is_due(self._log.path, time.monotonic()):
             next(s for s in self._subscriptions if s.topic is topics.MESH_BLOCKS).ask_state()
         if self._log.tick():
-            self._recorded.save(*self._log.place)
+            self._recorded.save(*self._log.place, {self._key(topics.FRAME): self._frames_dropped()})
         self._disk.tell_of(self._log)
         return worked
 
@@ -144,22 +145,22 @@ class Recorder:
         """Counts since the start of the run, earlier parts included."""
         logged = self._recorded.counts
         counts = Counter({topic.name: logged[self._key(topic)] for topic in topics.TOPICS})
-        dropped = {s.topic.name: s.dropped for s in self._subscriptions}
+        poses = next(s for s in self._subscriptions if s.topic is topics.POSE)
         return {
             "frames_logged": counts[topics.FRAME.name],
             "poses_logged": counts[topics.POSE.name],
             "keyframes_logged": counts[topics.KEYFRAME.name],
             "events_logged": counts[topics.EVENT.name],
             "messages_logged": counts.total(),
-            "frames_dropped": (
-                dropped[topics.FRAME.name]
-                + self._skipped[topics.FRAME.name]
-                + self._recorded.missed[self._key(topics.FRAME)]
-            ),
+            "frames_dropped": self._frames_dropped() + self._skipped[topics.FRAME.name],
             "frames_unusable": self._unusable,
-            "poses_dropped": dropped[topics.POSE.name],
+            "poses_dropped": poses.dropped,
             "viewer_dropped": self._view.dropped,
         }
+
+    def _frames_dropped(self) -> int:
+        """Frames that no recorder of the run has taken: it was too slow, or there was none."""
+        return self._recorded.dropped[self._key(topics.FRAME)] + self._frames.dropped
 
     def show_images_every(self, seconds: float) -> None:
         """The least time between images in the live viewer, s."""
@@ -176,11 +177,9 @@ class Recorder:
         if lost_bytes or refused:
             lost = f"{lost_bytes} bytes and {refused} messages were not written"
             self._report("error", f"{self._log.path}: disk full, {lost}")
-        if missed := self._frames.dropped:
-            self._report(
-                "warning",
-                f"{self._log.path}: {missed} frames are not recorded: the recorder was too slow",
-            )
+        if missed := self._frames_dropped():
+            text = f"{missed} frames are not recorded: the recorder was too slow, or was restarted"
+            self._report("warning", f"{self._log.path}: {text}")
         existing = parts(self._run_dir)
         return {
             **self.counters(),
@@ -220,12 +219,8 @@ class Recorder:
             self._confirms = True
             self._confirm()
         if isinstance(message, Frame):
-            if envelope:
-                if missed := self._recorded.find_missed(key, envelope, self._frames.dropped):
-                    text = f"{missed} frames are not recorded: the recorder was restarted"
-                    self._report("warning", f"{self._log.path}: {text}")
-                if not message.publisher:
-                    message = msgspec.structs.replace(message, publisher=envelope.publisher)
+            if envelope and not message.publisher:
+                message = msgspec.structs.replace(message, publisher=envelope.publisher)
             try:
                 logged = compress_frame(message, self._log.settings.color)
                 is_drawable = logged.color_encoding == "jpeg"
