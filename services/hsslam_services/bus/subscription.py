@@ -5,7 +5,7 @@ import threading
 import time
 from collections import OrderedDict, deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import zenoh
@@ -27,12 +27,16 @@ _PUBLISHERS = 64  # whose sequence numbers are checked
 
 @dataclass(frozen=True)
 class Received(Generic[M]):
-    """A message and its payload as received; `envelope` is None if the publisher sends none."""
+    """A message and its payload as received; `envelope` is None if the publisher sends none.
+
+    `missed`: number of messages dropped between the one read before and this one.
+    """
 
     message: M
     payload: bytes
     envelope: Envelope | None
     arrival_ns: int
+    missed: int = 0
 
 
 class Subscription(Generic[M]):
@@ -89,10 +93,8 @@ class Subscription(Generic[M]):
 
     def poll_received(self) -> Received[M] | None:
         """As `poll`, with payload, envelope and time of arrival."""
-        try:
-            return self._waiting.popleft()
-        except IndexError:
-            return None
+        with self._arrivals:
+            return self._waiting.popleft() if self._waiting else None
 
     def wait(self, timeout_s: float) -> M | None:
         """The oldest waiting message; waits up to `timeout_s` for one."""
@@ -196,12 +198,15 @@ class Subscription(Generic[M]):
                 self._unreadable += 1
                 self._rejections.append(received)
                 return
-            if received.envelope is not None:
-                self._count_gap(received.envelope)
-            if len(self._waiting) >= self._depth:
-                self._waiting.popleft()
+            gap = 0 if received.envelope is None else self._gap_before(received.envelope)
+            self.dropped += gap
+            self._waiting.append(replace(received, missed=gap) if gap else received)
+            if len(self._waiting) > self._depth:
+                missed = self._waiting.popleft().missed + 1
+                self._waiting[0] = replace(
+                    self._waiting[0], missed=self._waiting[0].missed + missed
+                )
                 self.dropped += 1
-            self._waiting.append(received)
             self._arrivals.notify_all()
 
     def _readable(self, sample: zenoh.Sample) -> Received[M] | Rejected:
@@ -226,13 +231,13 @@ class Subscription(Generic[M]):
             envelope.publisher, 0
         )
 
-    def _count_gap(self, envelope: Envelope) -> None:
-        expected = self._next_sequence.pop(envelope.publisher, None)
-        if expected is not None and envelope.sequence > expected:
-            self.dropped += envelope.sequence - expected
-        self._next_sequence[envelope.publisher] = max(expected or 0, envelope.sequence + 1)
+    def _gap_before(self, envelope: Envelope) -> int:
+        """Number of messages that are missing before this one in its publisher's sequence."""
+        expected = self._next_sequence.pop(envelope.publisher, envelope.sequence)
+        self._next_sequence[envelope.publisher] = max(expected, envelope.sequence + 1)
         if len(self._next_sequence) > _PUBLISHERS:
             self._next_sequence.popitem(last=False)
+        return max(0, envelope.sequence - expected)
 
 
 def _declare(

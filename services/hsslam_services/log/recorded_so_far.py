@@ -66,11 +66,11 @@ class RecordedSoFar:
 
     def awaited(self, key: str) -> dict[int, int]:
         """Next sequence number after the log of each publisher that the previous recorder knew."""
-        logged = [sequence + 1 for name, _, sequence in self._unplaced if name == key]
-        end = max(logged, default=0)  # the log does not name the publishers of its end
-        return {
-            publisher: max(n, end) for (name, publisher), n in self._before.items() if name == key
-        }
+        awaited = {publisher: n for (name, publisher), n in self._before.items() if name == key}
+        if awaited and (logged := self._logged_at_end(key)):
+            newest = next(reversed(awaited))
+            awaited[newest] = max(awaited[newest], max(logged) + 1)
+        return awaited
 
     def add(self, key: str, envelope: Envelope | None) -> None:
         """Count a logged message."""
@@ -102,6 +102,19 @@ class RecordedSoFar:
         os.close(self._fd)
         self._path.unlink(missing_ok=True)
 
+    def _logged_at_end(self, key: str) -> list[int]:
+        """Sequence numbers in the log after the saved state. The log does not name their publishers: they
+        are taken for those of the newest one of the key."""
+        return [sequence for name, _, sequence in self._unplaced if name == key]
+
+    def _missed_at_end(self, key: str) -> int:
+        """Number of messages that the previous recorder dropped after it saved its state."""
+        newest = next((n for (name, _), n in reversed(self._next.items()) if name == key), None)
+        logged = self._logged_at_end(key)
+        if newest is None or not logged:
+            return 0
+        return max(0, max(logged) + 1 - newest - len(logged))
+
     def _follow(self, key: str, envelope: Envelope) -> None:
         sender = (key, envelope.publisher)
         following = max(self._next.pop(sender, 0), envelope.sequence + 1)
@@ -126,6 +139,8 @@ class RecordedSoFar:
                 self._read_end(path, saved.position, dict(saved.channels))
             elif part_number(path) > number:
                 self._read_end(path, 0, {})
+        for key in saved.dropped:
+            self.dropped[key] += self._missed_at_end(key)
 
     def _read_end(self, path: Path, position: int, channels: dict[int, str]) -> None:
         with path.open("rb") as stream:

@@ -87,6 +87,7 @@ class Recorder:
         self._skipped: Counter[str] = Counter()
         self._disk = DiskReport(run_dir, report)
         self._unusable = 0
+        self._missed = 0  # frames that were dropped before the newest one that is read
         self._senders = AtWork(bus.process)
         try:
             self._recorded = RecordedSoFar(run_dir, run_id)
@@ -111,8 +112,8 @@ class Recorder:
             for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # frames last
             if topic.logged
         ]
-        self._frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
-        self._inlet = FrameInlet(self._frames, FrameOrder(), camera_arena)
+        frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
+        self._inlet = FrameInlet(frames, FrameOrder(), camera_arena)
 
     def spin_once(self, timeout_s: float = 0.2) -> bool:
         """Log all waiting small messages and one of each large topic, a frame last; False if none came."""
@@ -123,6 +124,8 @@ class Recorder:
             while (received := subscription.poll_received()) is not None:
                 worked = True
                 frame = received.message if subscription.topic is topics.FRAME else None
+                if frame:
+                    self._missed += received.missed
                 if frame and not self._inlet.takes(received):
                     continue
                 self._record(subscription.topic, received)
@@ -160,7 +163,7 @@ class Recorder:
 
     def _frames_dropped(self) -> int:
         """Frames that no recorder of the run has taken: it was too slow, or there was none."""
-        return self._recorded.dropped[self._key(topics.FRAME)] + self._frames.dropped
+        return self._recorded.dropped[self._key(topics.FRAME)] + self._missed
 
     def show_images_every(self, seconds: float) -> None:
         """The least time between images in the live viewer, s."""

@@ -74,6 +74,28 @@ def test_newest_wins_and_the_rest_is_counted(endpoint):
         assert frames.dropped == 4
 
 
+def test_each_message_says_how_many_were_dropped_before_it(endpoint):
+    """So a reader can save a count that fits the messages it has read, with others still waiting."""
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
+        frames = b.subscribe(topics.FRAME, depth=2)
+        publisher = a.publisher(topics.FRAME)
+        until(publisher.has_subscribers)
+        for index in range(5):
+            publisher.put(_frame(index))
+        until(lambda: frames.received == 5)
+        read = [frames.poll_received(), frames.poll_received()]
+        assert [(each.message.index, each.missed) for each in read] == [(3, 3), (4, 0)]
+        awaited = {read[-1].envelope.publisher: read[-1].envelope.sequence + 1}
+        frames.close()
+        until(lambda: not publisher.has_subscribers())
+        publisher.put(_frame(5))
+        later = b.subscribe(topics.FRAME, depth=2, awaited=awaited)
+        until(publisher.has_subscribers)
+        publisher.put(_frame(6))
+        missed_one = later.wait_received(10)
+        assert (missed_one.message.index, missed_one.missed, later.dropped) == (6, 1, 1)
+
+
 def test_a_frame_wakes_the_waiting_reader(endpoint):
     with Bus(endpoint, "r", "a") as a, _reader(endpoint, wait_s=1000.0) as reader:
         assert reader.stdout is not None and reader.stdout.readline() == "eady\n"

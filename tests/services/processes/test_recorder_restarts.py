@@ -17,6 +17,7 @@ from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.file_index import is_finished
 from tests.services.recorded import read_log, rrd_rows
 from tests.services.wire_samples import blocks, frame, keyframe, pose
+from tests.until import until
 
 _LATE_BYTES = 100e6
 RECORDER = """
@@ -62,6 +63,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
         meshes = bus.publisher(topics.MESH_BLOCKS)
         meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
         first = start()
+        until(frames.has_subscribers)  # what is sent before is not kept
         meshes.put(blocks(2, 0, 1))
         meshes.put(blocks(3, 2))
         for index in range(100):
@@ -72,10 +74,12 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
             time.sleep(0.02)
         first.kill()
         first.wait()
+        until(lambda: not frames.has_subscribers())
         for index in range(100, 120):
             poses.put(pose(index))
             frames.put(frame(index))
         second = start()
+        until(frames.has_subscribers)
         for index in range(120, 140):
             poses.put(pose(index))
             frames.put(frame(index))
