@@ -258,9 +258,7 @@ class Child:
         if self.state == "starting":
             quiet.append((now - self._started_s, spec.startup_timeout_s, "is not ready after"))
         seconds, limit_s, what = max(quiet, key=lambda each: each[0] / each[1])
-        if seconds < _QUIET_SHARE * limit_s:
-            self._core_wait = None
-        elif self._is_overdue(seconds, limit_s, now):
+        if self._is_overdue(seconds, limit_s, now):
             self._kill(f"{what} {limit_s:g} s", now)
         elif seconds > limit_s and not self._has_reported_wait:
             self._has_reported_wait = True
@@ -276,6 +274,9 @@ class Child:
 
     def _is_overdue(self, seconds: float, limit_s: float, now: float) -> bool:
         """Whether a time limit has passed; a process that waits for a core of a busy machine has longer."""
+        if seconds < _QUIET_SHARE * limit_s:
+            self._core_wait = None
+            return False
         if self.pid is None:  # only requested: `ForkedProcess` limits how long
             return False
         if self._core_wait is None:
@@ -291,5 +292,8 @@ class Child:
             self._process.send_signal(END_SIGNAL)
             self._process.send_signal(signal.SIGCONT)  # so that a frozen process can end
             self._stop_sent_s = now
-        elif now - max(self._stop_sent_s, self._loop_s) > self.spec.stop_timeout_s:
+            self._core_wait = None
+        elif self._is_overdue(
+            now - max(self._stop_sent_s, self._loop_s), self.spec.stop_timeout_s, now
+        ):
             self._kill(f"did not end in {self.spec.stop_timeout_s:g} s", now)

@@ -178,6 +178,15 @@ def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     assert (child.pid, child.restarts, child.news) == (pid, 0, [told])
 
 
+def test_a_process_that_gets_no_core_has_longer_to_end(watch, run_info: RunInfo):
+    start, until = watch
+    child = start("starved", stop_timeout_s=1.0)
+    until(lambda: (run_info.path / "at_work").exists())
+    child.wanted = False
+    until(lambda: not child.is_alive, timeout_s=30)
+    assert (child.state, child.exit_code, child.news) == ("ended", 0, [])
+
+
 @pytest.mark.parametrize("has_ended", [True, False])
 def test_exit_code_0_is_the_end_only_if_the_source_has_ended(watch, run_info: RunInfo, has_ended):
     """A driver may end the process of a camera."""
