@@ -16,7 +16,7 @@ from hsslam_proto.topics import FRAME
 from hsslam_services.artefacts.replaced_results import EARLIER
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.parts import is_part, parts, recovered_from
-from hsslam_services.log.reader import log_reader
+from hsslam_services.log.reading.reader import log_reader
 from hsslam_services.run.source_table import ALL_SOURCES
 
 _LOG = "mcap"

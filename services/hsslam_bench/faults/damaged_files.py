@@ -27,7 +27,8 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import BadFrame
 from hsslam_proto import topics
 from hsslam_services.log.mcap_writer import McapLog
-from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.reader import bus_messages
 
 _TIMES = 60  # that each file is damaged
 _SMALL_FIELD = FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=9)

@@ -10,7 +10,8 @@ from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
 from hsslam_proto import topics
 from hsslam_services.log.mcap_writer import McapLog
-from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.reader import bus_messages
 
 _MESSAGES, _MESSAGE_BYTES = 400, 60_000  # about 17 messages a chunk
 _MOST_LOST = 2 * 18  # messages of two chunks

@@ -11,7 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
-from hsslam_services.log.source import recorded_source
+from hsslam_services.log.reading.source import recorded_source
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import log_place
 

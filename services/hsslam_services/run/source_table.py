@@ -19,11 +19,11 @@ _LOG = SourceRow(
     examples=("mcap:RUN", "mcap:FILE"),
     brief="the frames of a log",
     about="the frames of a [log](logs.md#replay-a-log)",
-    opener="hsslam_services.log.source:McapSource",
+    opener="hsslam_services.log.reading.source:McapSource",
     camera_options=(),
     looks_like=either(has_files("run*.mcap"), has_suffix(".mcap")),
     only_forwards=True,
-    stamps="hsslam_services.log.source:log_stamps",
+    stamps="hsslam_services.log.reading.source:log_stamps",
 )
 SERVICE_SOURCES = (
     SourceRow(  # before logs: a bag may have MCAP files of any name

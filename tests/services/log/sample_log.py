@@ -1,4 +1,4 @@
-"""A small log of everything that commands look at."""
+"""Small logs: one of everything that commands look at, and one of poses alone."""
 
 from pathlib import Path
 
@@ -71,3 +71,13 @@ def textured(index: int) -> messages.Frame:
     fields = {name: getattr(message, name) for name in message.__struct_fields__}
     fields |= {"color": color.data.cast("B"), "depth": depth.data.cast("B"), "fx": 51.234567890123}
     return messages.Frame(**fields)
+
+
+def write_poses(folder: Path, count: int) -> Path:
+    """A finished log of `count` poses, a chunk each."""
+    log = PartedLog(folder, "r", LogSettings(metadata={"a": "b"}))
+    for index in range(count):
+        log.write(topics.POSE, encode(topics.POSE, pose(index)), 1000 + index, 1000 + index, index)
+        log._part._writer.flush()
+    log.close()
+    return log.path

@@ -15,7 +15,8 @@ from hsslam_services.commands.log.info import log_info
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.log.parts import parts
-from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.reader import bus_messages
 from hsslam_services.run.source_table import SERVICE_SOURCES
 from tests.services.log.sample_log import write_log
 from tests.services.wire_samples import pose

@@ -6,7 +6,7 @@ import time
 
 from mcap.reader import make_reader
 
-from hsslam_services.log.reader import log_parts
+from hsslam_services.log.reading.files import log_parts
 
 WRITER = """
 import sys, time

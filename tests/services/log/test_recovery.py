@@ -16,7 +16,7 @@ from hsslam_proto import topics
 from hsslam_services.log.channel_copies import CHANNELS, LIBRARY
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
-from hsslam_services.log.reader import log_parts
+from hsslam_services.log.reading.files import log_parts
 from hsslam_services.log.recovery import recover
 
 _CHUNKS, _PER_CHUNK = 30, 20

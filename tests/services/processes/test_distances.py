@@ -15,7 +15,7 @@ from hsslam_proto import topics
 from hsslam_proto.distance.arrays import T_world_raster, cells_of, slice_m
 from hsslam_proto.distance.assembled import AssembledDistances
 from hsslam_proto.distance.messages import Esdf, Grid
-from hsslam_services.log.reader import bus_messages
+from hsslam_services.log.reading.reader import bus_messages
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 _SMALL = SynthOptions(width_px=160, height_px=120)

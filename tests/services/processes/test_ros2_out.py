@@ -13,7 +13,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.commands.certs import make_certificates
-from hsslam_services.log.poses import logged_poses
+from hsslam_services.log.reading.poses import logged_poses
 from hsslam_services.ros2.initial_pose import KIND, TOPIC
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import TopicName

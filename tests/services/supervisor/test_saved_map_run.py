@@ -8,8 +8,8 @@ import pytest
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
-from hsslam_services.log.poses import logged_poses
-from hsslam_services.log.reader import log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.poses import logged_poses
 from tests.services.serve_process import SMALL_ROOM
 
 pytestmark = pytest.mark.e2e

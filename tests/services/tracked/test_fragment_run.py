@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_services.log.poses import logged_poses
-from hsslam_services.log.reader import log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.poses import logged_poses
 from tests.services.serve_process import SMALL_ROOM
 
 _DARK = range(30, 48)  # 3 s

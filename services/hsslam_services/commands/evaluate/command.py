@@ -26,8 +26,8 @@ from hsslam_services.commands.output_files import (
     expect_writable_folder,
     write_json_file,
 )
-from hsslam_services.log.reader import is_log
-from hsslam_services.log.source import RecordedSource, recorded_source
+from hsslam_services.log.reading.files import is_log
+from hsslam_services.log.reading.source import RecordedSource, recorded_source
 from hsslam_services.run.summary import source_commit
 
 _PROG = "hsslam-eval"

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS, TsdfOptions
 from hsslam_node.sources.options.synth import SynthOptions
-from hsslam_services.log.reader import is_log
+from hsslam_services.log.reading.files import is_log
 from hsslam_services.run.source_table import comes_once
 
 

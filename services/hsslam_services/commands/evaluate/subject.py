@@ -15,9 +15,10 @@ from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.parts import parts
-from hsslam_services.log.poses import LoggedPoses, logged_poses
-from hsslam_services.log.reader import Say, bus_messages, is_log, log_parts
-from hsslam_services.log.source import (
+from hsslam_services.log.reading.files import Say, is_log, log_parts
+from hsslam_services.log.reading.poses import LoggedPoses, logged_poses
+from hsslam_services.log.reading.reader import bus_messages
+from hsslam_services.log.reading.source import (
     RecordedSource,
     frames_of_run,
     logged_options,

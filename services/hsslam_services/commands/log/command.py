@@ -16,7 +16,7 @@ from hsslam_services.commands.log.options import (
     RecoverOptions,
     TrimOptions,
 )
-from hsslam_services.log.reader import expect_closed, log_files, log_parts
+from hsslam_services.log.reading.files import expect_closed, log_files, log_parts
 from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"

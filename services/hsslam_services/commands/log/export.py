@@ -15,8 +15,8 @@ from hsslam_node.export.trajectory_formats import (
 from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
-from hsslam_services.log.poses import logged_epochs
-from hsslam_services.log.reader import Say
+from hsslam_services.log.reading.files import Say
+from hsslam_services.log.reading.poses import logged_epochs
 from hsslam_services.run.run_info import RUN_FILE
 
 _COLUMNS = (

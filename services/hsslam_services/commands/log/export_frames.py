@@ -11,7 +11,8 @@ from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.topics import FRAME
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.log.frame_compression import compress_frame
-from hsslam_services.log.reader import Say, bus_messages
+from hsslam_services.log.reading.files import Say
+from hsslam_services.log.reading.reader import bus_messages
 
 _LISTS = {"rgb": "timestamp file", "depth": "timestamp file", "associations": "colour, depth"}
 

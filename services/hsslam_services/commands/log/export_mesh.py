@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.log.newest_mesh import newest_mesh
-from hsslam_services.log.reader import Say
+from hsslam_services.log.reading.files import Say
 
 
 def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:

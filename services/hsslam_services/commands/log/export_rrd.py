@@ -11,8 +11,8 @@ import rerun as rr
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
-from hsslam_services.log.reader import bus_messages, log_span_ns
-from hsslam_services.log.source import run_metadata
+from hsslam_services.log.reading.reader import bus_messages, log_span_ns
+from hsslam_services.log.reading.source import run_metadata
 from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.scene import RerunScene
 

@@ -16,7 +16,7 @@ from rich.text import Text
 from hsslam_node.presets import PRESETS
 from hsslam_services.commands.options.option_table import flag_of, off_flag_of
 from hsslam_services.log.channel_copies import RUN_METADATA
-from hsslam_services.log.reader import log_reader
+from hsslam_services.log.reading.reader import log_reader
 from hsslam_services.run.options import ServeOptions
 
 _OPCODE_AND_LENGTH_BYTES = 1 + 8

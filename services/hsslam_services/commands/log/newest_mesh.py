@@ -11,7 +11,7 @@ from hsslam_proto.mesh.assembled import AssembledMesh
 from hsslam_proto.mesh.codec import mesh_arrays
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import KEYFRAME, MESH, MESH_BLOCKS
-from hsslam_services.log.reader import Logged, bus_messages
+from hsslam_services.log.reading.reader import Logged, bus_messages
 
 
 class LoggedMesh(NamedTuple):

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
 from hsslam_services.commands.cli import terminal_progress
-from hsslam_services.log.reader import Logged, log_span_ns
+from hsslam_services.log.reading.reader import Logged, log_span_ns
 
 
 @contextmanager

@@ -23,8 +23,9 @@ from hsslam_services.bus.bus import Bus, open_router
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.commands.log.replay_step import StepByStep
-from hsslam_services.log.arrival_order import LATEST_NS
-from hsslam_services.log.reader import Logged, bus_messages, log_parts
+from hsslam_services.log.reading.arrival_order import LATEST_NS
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.reader import Logged, bus_messages
 
 _PROG = "hsslam-replay"
 _LONGEST_SLEEP_S = 0.2

@@ -13,7 +13,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.log_lag import LogLag
 from hsslam_services.bus.peers import Peers
 from hsslam_services.bus.publisher import Publisher
-from hsslam_services.log.reader import Logged
+from hsslam_services.log.reading.reader import Logged
 
 _SERVICE = ("tracker", "mapper", "global_ba")
 _POLL_S = 0.05

@@ -11,7 +11,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
-from hsslam_services.log.reader import log_reader, log_span_ns
+from hsslam_services.log.reading.reader import log_reader, log_span_ns
 
 _MOST_NS = 2.0**63  # later than every message
 

@@ -16,7 +16,7 @@ from hsslam_proto.topics import POSE
 from hsslam_services.commands.log.command import main
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.log.mcap_writer import McapLog
-from hsslam_services.log.reader import bus_messages
+from hsslam_services.log.reading.reader import bus_messages
 from tests.services.log.sample_log import PERIOD_NS, START_NS, write_log
 from tests.services.wire_samples import pose
 

@@ -12,7 +12,7 @@ from hsslam_proto import messages, run_messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.commands.log.replay import main, publish, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
-from hsslam_services.log.reader import bus_messages
+from hsslam_services.log.reading.reader import bus_messages
 from tests.services.log.sample_log import write_log
 from tests.services.wire_samples import pose
 

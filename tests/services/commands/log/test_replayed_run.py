@@ -11,8 +11,9 @@ import pytest
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_proto import messages
 from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.log.poses import logged_poses
-from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.poses import logged_poses
+from hsslam_services.log.reading.reader import bus_messages
 from hsslam_services.run.summary import read_summary
 from tests.services.serve_process import SENT_ROOM, SMALL_ROOM
 

@@ -18,7 +18,7 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.source import recorded_source, repeated_effects, run_metadata
+from hsslam_services.log.reading.source import recorded_source, repeated_effects, run_metadata
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.supervisor.preparation import prepare
 from tests.late_frames import expect_late_frames_left_out

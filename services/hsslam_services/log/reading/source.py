@@ -25,7 +25,8 @@ from hsslam_proto.frame_codec import frame_camera, frame_from_message
 from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.topics import FRAME
 from hsslam_services.log.channel_copies import RUN_METADATA
-from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
+from hsslam_services.log.reading.files import Say, log_parts
+from hsslam_services.log.reading.reader import bus_messages, log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import comes_once, log_place
 

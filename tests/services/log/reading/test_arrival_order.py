@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.records import Channel, Message
 
-from hsslam_services.log.arrival_order import Record, in_order_of_arrival
+from hsslam_services.log.reading.arrival_order import Record, in_order_of_arrival
 
 _CHANNELS = st.integers(0, 2)
 _S = 10**9

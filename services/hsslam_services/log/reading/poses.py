@@ -11,7 +11,7 @@ from hsslam_node.odometry.spread_errors import spread_errors
 from hsslam_proto import messages
 from hsslam_proto.pose_codec import in_joined_keyframe, pose_matrix
 from hsslam_proto.topics import CORRECTION, KEYFRAME, POSE
-from hsslam_services.log.reader import bus_messages
+from hsslam_services.log.reading.reader import bus_messages
 
 
 @dataclass(frozen=True)

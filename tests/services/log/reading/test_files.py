@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import msgspec
-import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -20,18 +18,19 @@ from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_services.arena.arena_folder import SHM_ROOT, ArenaFolder
 from hsslam_services.commands.log.command import main
-from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.file_index import is_finished
-from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.reader import bus_messages, log_parts, log_reader
+from hsslam_services.log.parted_log import PartedLog
+from hsslam_services.log.reading.files import log_parts
+from hsslam_services.log.reading.reader import log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
+from tests.services.log.sample_log import write_poses
 from tests.services.wire_samples import pose
 
 
 def test_an_unfinished_log_is_recovered_and_told_in_a_line(tmp_path):
-    path = _log(tmp_path, 40)
+    path = write_poses(tmp_path, 40)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     told: list[str] = []
@@ -65,7 +64,7 @@ def _without_rights_of_root() -> Iterator[None]:
 
 
 def test_a_log_of_another_user_is_one_line(tmp_path, capsys):
-    path = _log(tmp_path, 4)
+    path = write_poses(tmp_path, 4)
     tmp_path.chmod(0)
     with _without_rights_of_root():
         for place in (tmp_path, path):
@@ -79,7 +78,7 @@ def test_a_log_of_another_user_is_one_line(tmp_path, capsys):
 
 def test_an_unfinished_log_that_this_user_may_only_read_is_said_to_lack_its_end():
     with tempfile.TemporaryDirectory() as folder:  # others may enter it
-        path = _log(Path(folder), 4)
+        path = write_poses(Path(folder), 4)
         path.write_bytes(path.read_bytes()[:-40])
         path.chmod(0o444)
         Path(folder).chmod(0o555)
@@ -116,7 +115,7 @@ def test_a_part_that_is_removed_before_it_is_read_is_one_line(tmp_path):
 
 def test_a_log_that_is_being_copied_is_left_alone(tmp_path):
     """The copy goes on while the log is opened; it has no lock."""
-    whole = _log(tmp_path, 40).read_bytes()
+    whole = write_poses(tmp_path, 40).read_bytes()
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(whole[: len(whole) // 2])
     opened = threading.Event()
@@ -144,7 +143,7 @@ def test_a_log_that_is_being_copied_is_left_alone(tmp_path):
 def test_without_locks_an_unfinished_log_is_left_alone_while_its_run_lives(
     tmp_path, monkeypatch, capsys
 ):
-    path = _log(tmp_path, 40)
+    path = write_poses(tmp_path, 40)
     path.write_bytes(path.read_bytes()[:-50])
     before, lock = path.read_bytes(), fcntl.flock
 
@@ -194,55 +193,8 @@ def test_where_there_is_no_log_it_is_one_line(tmp_path, place, expected):
         log_parts(tmp_path / place, print)
 
 
-def test_a_log_with_the_former_name_of_the_map_epoch_is_read(tmp_path):
-    message = msgspec.structs.replace(pose(7), map_epoch=3)
-    fields = msgspec.to_builtins(message)
-    former = {"world" if name == "map_epoch" else name: value for name, value in fields.items()}
-    log = PartedLog(tmp_path, "r")
-    for payload in (msgspec.msgpack.encode(former), b"\xa5world, torn"):
-        log.write(topics.POSE, payload, 1, 1, 0)
-    log.close()
-    read, torn = bus_messages([log.path])
-    assert read.message() == message
-    with pytest.raises(UserError, match="malformed"):
-        torn.message()
-
-
-def test_a_damaged_log_is_one_line(tmp_path):
-    path = _log(tmp_path, 400)
-    torn = bytearray(path.read_bytes())
-    inside = (
-        torn.index(b"lz4", len(torn) // 3) + 40
-    )  # the name of the compression, then what it holds
-    torn[inside : inside + 100] = bytes(100)
-    path.write_bytes(torn)
-    with pytest.raises(UserError, match=r"run\.mcap: damaged"):
-        list(bus_messages([path]))
-
-
-def test_whatever_is_damaged_in_a_log_is_one_line_or_does_no_harm(tmp_path):
-    path = _log(tmp_path, 60)
-    whole, told = path.read_bytes(), 0
-    rng = np.random.default_rng(0)
-    for _ in range(120):
-        torn = bytearray(whole)
-        at = int(rng.integers(8, len(whole) - 8))
-        torn[at : at + 4] = rng.bytes(4)
-        path.write_bytes(torn[: len(whole)])
-        for read in (
-            lambda: list(bus_messages([path])),
-            lambda: list(log_info([path])),
-            lambda: trim([path], tmp_path / "short.mcap", 0.0, None),
-        ):
-            try:
-                read()
-            except UserError as error:
-                told += "\n" not in str(error)
-    assert told > 60
-
-
 def test_a_first_part_without_messages_is_left_out(tmp_path, capsys):
-    path = _log(tmp_path, 40)
+    path = write_poses(tmp_path, 40)
     second = path.rename(tmp_path / "run.1.mcap")
     path.write_bytes(second.read_bytes()[:8])
     assert log_parts(path, print) == [path]
@@ -252,12 +204,3 @@ def test_a_first_part_without_messages_is_left_out(tmp_path, capsys):
     assert trim(files, short, 20e-9, 30e-9) == 10
     with short.open("rb") as stream:
         assert [record.metadata for record in make_reader(stream).iter_metadata()] == [{"a": "b"}]
-
-
-def _log(folder, count):
-    log = PartedLog(folder, "r", LogSettings(metadata={"a": "b"}))
-    for index in range(count):
-        log.write(topics.POSE, encode(topics.POSE, pose(index)), 1000 + index, 1000 + index, index)
-        log._part._writer.flush()
-    log.close()
-    return log.path

@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.poses import LoggedPoses, logged_poses
+from hsslam_services.log.reading.poses import LoggedPoses, logged_poses
 from tests.services.wire_samples import keyframe, pose
 
 _INHERITED, _NEW = 0, 1
