@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_proto.requests import QUERY
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.stop_signals import END_SIGNAL
@@ -49,6 +50,8 @@ def _run(worker: Worker) -> None:
         from hsslam_node.warm_start import warm_start
 
         assert warm_start(worker.options.slam).is_inherited
+    if behaviour == "slow to answer":
+        worker.bus.answer(QUERY, lambda _: (worker.run.path / "asked").touch() or time.sleep(60))
     if behaviour == "exit 0":
         os._exit(0)
     if behaviour == "too large":

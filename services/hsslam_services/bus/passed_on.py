@@ -12,6 +12,7 @@ from hsslam_proto.codec import Rejected, decode, encode, encoding_of
 from hsslam_proto.message import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, Request
+from hsslam_services.bus.answer_thread import AnswerThread
 
 Q = TypeVar("Q", bound=Message)
 A = TypeVar("A", bound=Message)
@@ -27,7 +28,8 @@ def _key(request: Request, robot: str) -> str:
 class PassedOnAnswers(Generic[Q, A]):
     """Answers a request for the gateway; created by `Bus.answer`.
 
-    `make` runs in a thread of zenoh; it raises `UserError` for a malformed question.
+    `make` runs in a thread of its own, in the order of the questions; it raises `UserError` for a malformed
+    one. The end of the process does not wait for an answer.
     """
 
     def __init__(
@@ -39,11 +41,18 @@ class PassedOnAnswers(Generic[Q, A]):
     ) -> None:
         self._request = request
         self._make = make
-        self._queryable = session.declare_queryable(_key(request, robot), self._answer)
+        self._answers = AnswerThread()
+        self._queryable = session.declare_queryable(_key(request, robot), self._take)
 
     def close(self) -> None:
         """Stop answering."""
         self._queryable.undeclare()
+        self._answers.close()
+
+    def _take(self, query: zenoh.Query) -> None:
+        """Leave the query to the thread: the end of a process waits for the threads of zenoh."""
+        if not self._answers.do(lambda: self._answer(query)):
+            query.drop()
 
     def _answer(self, query: zenoh.Query) -> None:
         with query, contextlib.suppress(zenoh.ZError):  # the gateway is gone

@@ -4,6 +4,7 @@ import dataclasses
 import os
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from hsslam_proto import topics
+from hsslam_proto.request_messages import QueryMap
+from hsslam_proto.requests import QUERY
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkedProcess
@@ -184,6 +187,19 @@ def test_a_process_that_gets_no_core_has_longer_to_end(watch, run_info: RunInfo)
     until(lambda: (run_info.path / "at_work").exists())
     child.wanted = False
     until(lambda: not child.is_alive, timeout_s=30)
+    assert (child.state, child.exit_code, child.news) == ("ended", 0, [])
+
+
+def test_an_answer_that_takes_long_does_not_delay_the_end(watch, run_info: RunInfo):
+    start, until = watch
+    child = start("slow to answer", stop_timeout_s=8.0)
+    until(lambda: child.state == "running")
+    with Bus(run_info.endpoint, run_info.robot, "gateway") as bus:
+        question = QueryMap(points=b"")
+        threading.Thread(target=lambda: bus.pass_on(QUERY, question), daemon=True).start()
+        until(lambda: (run_info.path / "asked").exists())
+        child.wanted = False
+        until(lambda: not child.is_alive)
     assert (child.state, child.exit_code, child.news) == ("ended", 0, [])
 
 
