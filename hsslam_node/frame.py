@@ -6,7 +6,7 @@ from numbers import Integral
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import Camera, expect_camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
@@ -24,7 +24,7 @@ class Frame:
 
     Raises:
         UserError: an array has another shape or type than listed below, a number is out of range, or the
-            camera has lens distortion.
+            camera is no `Camera` or has lens distortion.
     """
 
     index: int
@@ -45,7 +45,7 @@ class Frame:
                 f"frame {self.index}: stamp_ns = {stamp_ns}: expected a whole number, 0 to "
                 f"{_LARGEST_STAMP_NS}"
             )
-        if self.camera.has_lens:
+        if expect_camera(f"frame {self.index}: camera", self.camera).has_lens:
             raise UserError(
                 f"frame {self.index}: camera.distortion = {list(self.camera.distortion)}: expected none: "
                 "undistort the images with Undistortion and give Camera.undistorted()"

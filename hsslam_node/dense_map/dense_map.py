@@ -14,13 +14,13 @@ from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.dense_map.measuring import TRUSTED, answers_at
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
-from hsslam_node.dense_map.shapes import Shapes, finite_rows, rigid_transform
+from hsslam_node.dense_map.shapes import Boxes, Shapes, Spheres, finite_rows, rigid_transform
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import Camera, expect_camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.meshing.map_queries import open_map_queries
@@ -137,7 +137,12 @@ class DenseMap:
         """Mask [N] of the `Spheres` or `Boxes` whose space keyframes saw everywhere, without a surface in it.
 
         Space up to 1 cm outside may count as inside.
+
+        Raises:
+            UserError: `shapes` is neither of them.
         """
+        if not isinstance(shapes, Spheres | Boxes):
+            raise UserError(f"shapes is a {type(shapes).__name__}: expected Spheres or Boxes")
         seen = self._seen
         near_m, slack_m = TRUSTED * self._truncation_m, seen.grid.voxel_m
 
@@ -166,11 +171,11 @@ class DenseMap:
                 where none shows the surface. False: from the field alone.
 
         Raises:
-            UserError: the pose is no rotation and translation [4, 4]; the camera has a lens; a keyframe of a
-                file is damaged.
+            UserError: the pose is no rotation and translation [4, 4]; the camera has a lens, or is no
+                `Camera`; a keyframe of a file is damaged.
         """
         T = rigid_transform("T_world_cam", T_world_cam)
-        camera = camera or self.camera.undistorted()
+        camera = self.camera.undistorted() if camera is None else expect_camera("camera", camera)
         if camera.has_lens:
             raise UserError(
                 f"camera.distortion = {list(camera.distortion)}: expected a camera without a lens, such as "
@@ -216,8 +221,8 @@ class DenseMap:
         )
 
     def trajectory(self) -> Trajectory:
-        """The poses of the keyframes."""
-        return Trajectory(self._keyframes.stamps_ns, self._keyframes.T_world_cam)
+        """The poses of the keyframes, a copy."""
+        return Trajectory(self._keyframes.stamps_ns.copy(), self._keyframes.T_world_cam.copy())
 
     @cached_property
     def _renderer(self) -> MapRenderer:

@@ -7,6 +7,7 @@ from numbers import Integral
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hsslam_node.errors import UserError
 
@@ -39,14 +40,26 @@ def expect_lens(field: str, distortion: Sequence[float], model: str = "opencv") 
         )
 
 
+def _coefficients(distortion: ArrayLike | None) -> tuple[float, ...]:
+    """The numbers of a lens in one row; OpenCV gives them as [1, n] or [n, 1], and None for none.
+
+    Raises:
+        UserError: not numbers.
+    """
+    try:
+        return tuple(np.asarray(() if distortion is None else distortion, float).ravel().tolist())
+    except (TypeError, ValueError):
+        raise UserError(f"camera.distortion = {distortion!r:.80}: expected numbers") from None
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera, OpenCV axes (x right, y down, z forward); pixel centres at integers.
 
     `distortion` is OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tx, ty]]]]), or with
     the model "equidistant" (k1, k2, k3, k4) of its fisheye lenses. Frames on the bus are already
-    undistorted and carry `()`. Numbers may be of NumPy; the camera has those of Python, as messages need
-    them.
+    undistorted and carry `()`. Numbers may be of NumPy, and the coefficients an array as OpenCV's calibration
+    returns; the camera has those of Python, as messages need them.
 
     Raises:
         UserError: a size or focal length is not positive, a number is not finite or absurdly large or no
@@ -78,8 +91,8 @@ class Camera:
             value = getattr(self, name)
             if value <= 0:
                 raise UserError(f"camera.{name} = {value}: expected a positive number of pixels")
+        object.__setattr__(self, "distortion", _coefficients(self.distortion))
         expect_lens("camera.distortion", self.distortion, self.distortion_model)
-        object.__setattr__(self, "distortion", tuple(map(float, self.distortion)))
 
     @property
     def K(self) -> np.ndarray:
@@ -127,6 +140,17 @@ class Camera:
             distortion=self.distortion,
             distortion_model=self.distortion_model,
         )
+
+
+def expect_camera(name: str, value: object) -> Camera:
+    """The value.
+
+    Raises:
+        UserError: it is no `Camera`, but the matrix K for example.
+    """
+    if not isinstance(value, Camera):
+        raise UserError(f"{name} is a {type(value).__name__}: expected a Camera")
+    return value
 
 
 class HasCamera(Protocol):

@@ -16,6 +16,7 @@ from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 _TITLE = "# timestamp tx ty tz qx qy qz qw\n"
 _LINE = "%s" + 7 * " %.9f" + "\n"  # of the TUM format
 _W_FIRST = re.compile(r"\bq\w*w\b.*\bq\w*x\b")  # columns of a quaternion, as EuRoC has them
+_LARGEST_STAMP_NS = (1 << 63) - 1
 _LINES = 256  # formatted at once: 2.5 x as fast as one by one
 
 
@@ -24,18 +25,30 @@ class Trajectory:
     """Stamped camera poses, camera to world, OpenCV axes, metres.
 
     Raises:
-        ValueError: the arrays do not fit together.
+        ValueError: the arrays do not fit together, stamps are not whole numbers of 64 bits (seconds, for
+            example), or a pose is not finite.
     """
 
     stamps_ns: np.ndarray  # [N] int64
     T_world_cam: np.ndarray  # [N, 4, 4] float64
 
     def __post_init__(self) -> None:
-        n = len(self.stamps_ns)
-        if self.stamps_ns.shape != (n,) or self.T_world_cam.shape != (n, 4, 4):
+        stamps_ns, poses = np.asarray(self.stamps_ns), np.asarray(self.T_world_cam)
+        n = stamps_ns.size
+        if stamps_ns.shape != (n,) or poses.shape != (n, 4, 4):
             raise ValueError(
-                f"stamps {list(self.stamps_ns.shape)} and poses {list(self.T_world_cam.shape)}: "
-                "expected [N] and [N, 4, 4]"
+                f"stamps {list(stamps_ns.shape)} and poses {list(poses.shape)}: expected [N] and [N, 4, 4]"
+            )
+        if n and (stamps_ns.dtype.kind not in "iu" or stamps_ns.max() > _LARGEST_STAMP_NS):
+            raise ValueError(
+                f"stamps_ns {stamps_ns.dtype}, up to {stamps_ns.max()}: expected whole nanoseconds, int64"
+            )
+        object.__setattr__(self, "stamps_ns", stamps_ns.astype(np.int64, copy=False))
+        object.__setattr__(self, "T_world_cam", poses.astype(np.float64, copy=False))
+        is_finite = np.isfinite(self.T_world_cam).all(axis=(1, 2))
+        if not is_finite.all():
+            raise ValueError(
+                f"pose {np.argmin(is_finite)} of {n} is not finite: expected a transform"
             )
 
     def __len__(self) -> int:

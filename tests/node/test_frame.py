@@ -20,6 +20,12 @@ def test_images_with_a_lens_are_refused(lens, model):
     assert replace(frame, camera=replace(frame.camera, distortion=(0.0,) * 4)).index == 3
 
 
+def test_a_camera_is_no_matrix():
+    frame = room_frames()[3]
+    with pytest.raises(UserError, match="frame 3: camera is a ndarray: expected a Camera"):
+        replace(frame, camera=frame.camera.K)
+
+
 @pytest.mark.parametrize("index", [-1, (1 << 53) + 1, 1.5, np.float64(3), "0", None])
 def test_an_index_is_a_whole_number(index):
     with pytest.raises(

@@ -229,6 +229,10 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
     trajectory = _map().trajectory()
     np.testing.assert_array_equal(trajectory.T_world_cam, room_poses()[::4])
     assert list(trajectory.stamps_ns) == [f.stamp_ns for f in room_frames()[::4]]
+    trajectory.T_world_cam[:, :3, 3] -= 5.0  # a copy: the map stays
+    trajectory.stamps_ns[:] = 0
+    np.testing.assert_array_equal(_map().trajectory().T_world_cam, room_poses()[::4])
+    assert _map().trajectory().stamps_ns.any()
 
 
 @pytest.mark.parametrize(
@@ -243,6 +247,8 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
         ),
         (lambda m: m.query([[10**400, 0, 0]]), "points .*: expected finite numbers"),
         (lambda m: m.query(torch.ones((1, 3), requires_grad=True)), "points tensor.*: expected"),
+        (lambda m: m.is_free([[0, 0, 1]]), "shapes is a list: expected Spheres or Boxes"),
+        (lambda m: m.render(np.eye(4), np.eye(3)), "camera is a ndarray: expected a Camera"),
         (lambda m: m.render("pose"), "T_world_cam 'pose': expected a transform"),
         *(
             (

@@ -12,6 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import (
     Trajectory,
+    associate,
     format_stamp,
     parse_stamp_ns,
     read_estimate,
@@ -67,6 +68,29 @@ def test_a_missing_file_is_named(tmp_path):
 def test_arrays_must_fit_together():
     with pytest.raises(ValueError, match="expected"):
         Trajectory(np.zeros(3, np.int64), np.zeros((2, 4, 4)))
+
+
+@pytest.mark.parametrize("stamps", [np.array([0.5, 1.5]), np.array([1 << 63, 3], np.uint64)])
+def test_stamps_are_whole_nanoseconds(stamps):
+    """Seconds would be scored and written as nanoseconds."""
+    with pytest.raises(ValueError, match=r"stamps_ns .*: expected whole nanoseconds, int64"):
+        Trajectory(stamps, np.tile(np.eye(4), (2, 1, 1)))
+
+
+def test_a_pose_that_is_not_finite_is_named():
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[1, 0, 3] = np.nan
+    with pytest.raises(ValueError, match="pose 1 of 3 is not finite"):
+        Trajectory(np.arange(3), poses)
+
+
+def test_other_integers_and_lists_are_taken():
+    poses = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+    for stamps in (np.array([5, 30], np.uint64), np.array([5, 30], np.int32), [5, 30]):
+        taken = Trajectory(stamps, poses)
+        assert (taken.stamps_ns.dtype, taken.T_world_cam.dtype) == (np.int64, np.float64)
+        assert associate(taken.stamps_ns, taken.stamps_ns, 20) == [(0, 0), (1, 1)]
+    assert len(Trajectory([], np.zeros((0, 4, 4)))) == 0
 
 
 @pytest.mark.parametrize(
