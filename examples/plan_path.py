@@ -97,7 +97,11 @@ def draw(clearance_m: np.ndarray, path: np.ndarray, picture: str) -> None:
     cv2.polylines(image, [line.astype(np.int32)], False, (230, 120, 20), 2, cv2.LINE_AA)
     rows, columns = (PIXELS * np.nonzero((clearance_m > 0).any(axis=a))[0] for a in (1, 0))
     image = image[rows[0] : rows[-1] + PIXELS, columns[0] : columns[-1] + PIXELS]
-    if not cv2.imwrite(picture, image):
+    try:
+        is_written = cv2.imwrite(picture, image)
+    except cv2.error:  # no format has this ending
+        is_written = False
+    if not is_written:
         raise UserError(f"{picture}: cannot be written: expected a .png in a folder that exists")
 
 

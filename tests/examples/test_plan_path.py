@@ -77,3 +77,10 @@ def test_a_height_without_room_is_told(map_file, tmp_path):
     done = run_script(EXAMPLE, str(map_file), str(tmp_path / "path.png"), "5", "6")
     assert done.returncode == 1
     assert "is the most room: expected 0.2 m" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_picture_of_no_known_format_is_told(map_file, tmp_path):
+    done = run_script(EXAMPLE, str(map_file), str(tmp_path / "path.xyz"))
+    assert done.returncode == 1
+    assert "path.xyz: cannot be written: expected a .png" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
