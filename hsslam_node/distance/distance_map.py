@@ -48,8 +48,14 @@ class DistanceMap:
         return box
 
     def query(self, points: np.ndarray) -> Distances:
-        """Distances at points [N, 3] m, interpolated between the middles of eight voxels."""
+        """Distances at points [N, 3] m, interpolated between the middles of eight voxels.
+
+        Raises:
+            UserError: `points` has another shape.
+        """
         points = np.ascontiguousarray(points, np.float32)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise UserError(f"points {list(points.shape)}: expected [N, 3]")
         n = len(points)
         found = Distances(
             np.empty(n, np.float32), np.empty((n, 3), np.float32), np.empty(n, np.bool_)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 
 _SAME_SURFACE = 0.02  # of the depth: neighbours that differ by more may lie on two surfaces
@@ -20,6 +21,7 @@ class Undistortion:
     """
 
     def __init__(self, camera: Camera) -> None:
+        self._size = camera.height_px, camera.width_px
         self._identity = not camera.has_lens
         if self._identity:
             return
@@ -29,14 +31,22 @@ class Undistortion:
         self._nearest, _ = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2, nninterpolation=True)
 
     def color(self, image: np.ndarray) -> np.ndarray:
-        """Colour [H, W, 3] uint8 without distortion."""
+        """Colour [H, W, 3] uint8 without distortion; UserError if it has another size than the camera."""
+        self._expect_size("colour", image)
         if self._identity:
             return image
         return cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
     def depth(self, image: np.ndarray) -> np.ndarray:
-        """Depth [H, W] uint16 without distortion."""
+        """Depth [H, W] uint16 without distortion; UserError if it has another size than the camera."""
+        self._expect_size("depth", image)
         return image if self._identity else resampled_depth(image, self._maps, self._nearest)
+
+    def _expect_size(self, name: str, image: np.ndarray) -> None:
+        """Maps that are made for another size would crop the image."""
+        if image.shape[:2] != self._size:
+            found, expected = (f"{w} x {h} px" for h, w in (image.shape[:2], self._size))
+            raise UserError(f"{name} has {found}: expected {expected}, the size of its camera")
 
 
 def resampled_depth(

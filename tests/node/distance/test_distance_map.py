@@ -46,6 +46,12 @@ def test_outside_the_grid_nothing_is_known():
     assert np.isnan(found.distance_m[:2]).all() and (found.gradient[:2] == 0).all()
 
 
+@pytest.mark.parametrize("points", [np.zeros(3), np.zeros((2, 2)), np.zeros((1, 1, 3)), 0.0])
+def test_points_of_another_shape_are_refused(points):
+    with pytest.raises(UserError, match=r"points \[[0-9, ]*\]: expected \[N, 3\]"):
+        _linear(np.ones(3)).query(points)
+
+
 def test_a_map_does_not_change():
     distances = _linear(np.ones(3))
     with pytest.raises(ValueError, match="read-only"):

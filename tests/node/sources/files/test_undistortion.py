@@ -42,6 +42,16 @@ def test_without_distortion_nothing_is_touched():
     assert undistortion.depth(depth) is depth
 
 
+@pytest.mark.parametrize("camera", [CAMERA, CAMERA.undistorted()])
+def test_images_of_another_size_are_refused(camera):
+    """They would be cropped to the size of the camera."""
+    undistortion = Undistortion(camera)
+    with pytest.raises(UserError, match="colour has 1280 x 720 px: expected 640 x 480 px"):
+        undistortion.color(np.zeros((720, 1280, 3), np.uint8))
+    with pytest.raises(UserError, match="depth has 320 x 240 px: expected 640 x 480 px"):
+        undistortion.depth(np.zeros((240, 320), np.uint16))
+
+
 def seen_by(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Where the lens puts the rays of pinhole pixels [N, 2]: [N, 2]."""
     rays = np.column_stack(
