@@ -35,7 +35,7 @@ def run_status(
         preset=run.options.preset,
         pace=run.options.pace,
         seconds=now_s - state.started_s,
-        frames_sent=_sent(children, state),
+        frames_sent=frames_sent(children, state),
         frames_tracked=state.tracked,
         frames_lost=state.lost,
         frames_dropped=frames_dropped(children),
@@ -107,7 +107,7 @@ def _process(child: Child) -> dict[str, Any]:
     }
 
 
-def _sent(children: Mapping[str, Child], state: RunState) -> int:
+def frames_sent(children: Mapping[str, Child], state: RunState) -> int:
     """Frames sent, by the camera's last heartbeat or newer poses; 0 without a camera process."""
     if "camera" not in children:
         return 0

@@ -15,7 +15,7 @@ from rich.text import Text
 from hsslam_proto.messages import Pose
 from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
-from hsslam_services.health.status import frames_dropped, load_level
+from hsslam_services.health.status import frames_dropped, frames_sent, load_level
 from hsslam_services.launch.child import Child
 
 _REDRAW_S = 0.25
@@ -83,15 +83,19 @@ def _quality(pose: Pose | None) -> str:
 
 
 def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> Text:
-    """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
+    """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health.
+
+    After the number of the frame stands how many the source has, or has sent if it has no end.
+    """
     pose = state.pose
-    sent = children["camera"].counted("sent") if "camera" in children else 0
+    length = children["camera"].counted("source_frames") if "camera" in children else 0
+    frames = length or frames_sent(children, state)
     now_s = time.monotonic()
     is_silent = state.tracking(now_s) == "none"
     quality = _quality(pose)
     frame = "-" if pose is None else str(pose.index)
     text = Text(
-        f"frame {frame}/{sent}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "
+        f"frame {frame}/{frames}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "
         f"quality {'-' if is_silent else quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
         f"dropped {frames_dropped(children)}  lost {state.lost}  memory {memory_mb} MB  "

@@ -74,6 +74,8 @@ def _run(worker: Worker) -> None:
     source = open_with_patience(worker, had_frames=progress.sent > 0, after=after)
     if source is None:
         return
+    if source.frame_count is not None:
+        worker.counters["source_frames"] = source.frame_count
     # in lockstep, a dropped frame would block the run: wait for a congested link instead
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace

@@ -100,8 +100,9 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert _expect("pause", *me) == "paused\n"
     assert json.loads(_expect("pause", "--json", *me)) == {"text": "was paused already"}
     held = _frames_when_still(run, me)
-    sent = {beat.counters["sent"] for beat in run.heartbeats("camera", 4)}
-    assert len(sent) == 1 and _frames(me) == held
+    counters = [beat.counters for beat in run.heartbeats("camera", 4)]
+    assert len({each["sent"] for each in counters}) == 1 and _frames(me) == held
+    assert counters[0]["source_frames"] == 1500
     assert "paused" in _expect("status", *me)
 
     assert f"{maps / 'room.safetensors'}: " in _expect("save", "room", *me)

@@ -39,13 +39,16 @@ def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
     health = Health(process="tracker", pid=1, state="running", rss_bytes=1, topics=topics)
     children["tracker"].health = health
     text = status_text(state, children).plain
-    for part in ("frame 10/", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):
+    for part in ("frame 10/11 ", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):
         assert part in text
     assert "dropped 4" in text
     left_out = {"sent": 11, "skipped": 3}  # by a source that is slower than its sensor was
     camera = Health(process="camera", pid=2, state="running", rss_bytes=1, counters=left_out)
     children["camera"].health = camera
     assert "dropped 7" in status_text(state, children).plain
+    assert "frame 10/11 " in status_text(state, children).plain
+    left_out["source_frames"] = 600
+    assert "frame 10/600 " in status_text(state, children).plain
     assert all(f"{spec.name}:waiting" in text for spec in PROCESSES)
     state.posed(_pose(11, "lost"), now_s)
     assert "quality lost" in status_text(state, children).plain
