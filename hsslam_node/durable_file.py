@@ -39,17 +39,20 @@ def durable_file(path: Path | str, *, private: bool = False) -> Iterator[Path]:
                 shutil.copyfileobj(source, stream)
         return
     path = Path(os.path.realpath(path))
-    if not path.name:
+    if not path.name or path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{path.suffix}")
-    permissions = _PRIVATE if private else _permissions(partial, path)
     try:
+        permissions = _PRIVATE if private else _permissions(partial, path)
         yield partial
         partial.chmod(permissions)  # some libraries write a private file and rename it
         sync_file(partial)
         partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        if isinstance(error, OSError) and error.filename == str(partial):
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     sync_folder(path.parent)
 

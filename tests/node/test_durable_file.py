@@ -1,6 +1,7 @@
 """Files on a disk whose power is cut the moment after they are told as written."""
 
 import os
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -125,3 +126,18 @@ def test_standard_output_gets_the_content_behind_what_came_before(tmp_path, is_f
 
 def _size(path):
     return path.stat().st_size if path.exists() else 0
+
+
+def test_an_error_names_the_file_that_was_asked_for(tmp_path):
+    """Not the temporary one."""
+    for path in (tmp_path / "no" / "t.txt", tmp_path / "file" / "t.txt", tmp_path / "folder"):
+        (tmp_path / "folder").mkdir(exist_ok=True)
+        (tmp_path / "file").touch()
+        with pytest.raises(OSError, match=re.escape(f"'{path}'") + "$"):
+            write_durably(path, b"new")
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_a_folder_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(IsADirectoryError), durable_file(tmp_path):
+        pytest.fail("the block runs")
