@@ -25,7 +25,7 @@ class RecordSource(ImagePairSource):
         folder = RecordFolder.find(name, options.record)
         pairs = folder.pairs
         self.reports = Reports()
-        folder.report_left_out(self.reports)
+        folder.report_pairs(self.reports)
         size = _size_px(f"record:{name}", pairs)
         given = options.camera.given()
         camera, units = read_record_camera(folder.path / "camera.json", given, size)

@@ -12,10 +12,11 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory, associate, by_stamp, format_stamp, read_tum
 from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
 from hsslam_node.sources.files.camera_file import read_tum_camera
-from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.image_pairs import ImagePairSource, report_left_out
 from hsslam_node.sources.files.record_times import listed_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.reports import Reports
 from hsslam_node.user_path import user_path
 
 MAX_DT_NS = 20_000_000
@@ -84,16 +85,25 @@ class TumFolder:
         Raises:
             UserError: a list is missing or malformed, or nothing can be associated.
         """
-        color_ns, color_files = self._read_list("rgb.txt")
+        (color_ns, color_files), (depth_ns, depth_files) = self._lists
         if color_ns[0] < 0:
             raise UserError(
                 f"{self.path / 'rgb.txt'}: {format_stamp(int(color_ns[0]))}: expected times from 0 on"
             )
-        depth_ns, depth_files = self._read_list("depth.txt")
         pairs = associate(color_ns, depth_ns, MAX_DT_NS)
         if not pairs:
             raise UserError(f"{self.path}: no stamps of rgb.txt and depth.txt within 20 ms")
         return [(int(color_ns[i]), color_files[i], depth_files[j]) for i, j in pairs]
+
+    def report_left_out(self, reports: Reports) -> None:
+        """Report if many images are in no pair."""
+        (_, color), (_, depth) = self._lists
+        report_left_out(reports, self.path, self.pairs, color, depth)
+
+    @cached_property
+    def _lists(self) -> tuple[tuple[np.ndarray, list[Path]], ...]:
+        """Stamps, ns, and files of `rgb.txt` and `depth.txt`, in order of the stamps."""
+        return self._read_list("rgb.txt"), self._read_list("depth.txt")
 
     def listed_stamps(self, name: str) -> np.ndarray:
         """Stamps of a list such as `rgb.txt` in the order of its lines, [N] int64 ns.
@@ -141,6 +151,8 @@ class TumSource(ImagePairSource):
 
     def __init__(self, name: str, options: SourceOptions) -> None:
         folder = TumFolder.find(name)
+        self.reports = Reports()
+        folder.report_left_out(self.reports)
         super().__init__(f"tum:{name}", folder.pairs, *folder.camera(), options)
 
 

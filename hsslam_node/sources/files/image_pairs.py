@@ -11,6 +11,7 @@ from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
@@ -80,11 +81,48 @@ class ImagePairSource(ReadsInTime):
 
 def median_rate_hz(stamps_ns: Sequence[int] | np.ndarray) -> float:
     """The rate of stamps at their median interval; 30 Hz if there is none, or if no camera is as fast."""
-    period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
-    return 1e9 / period_ns if period_ns > _SHORTEST_PERIOD_NS else 30.0
+    has_rate = len(stamps_ns) > 1 and not are_too_fast(stamps_ns)
+    return 1e9 / _median_period_ns(stamps_ns) if has_rate else 30.0
+
+
+def are_too_fast(stamps_ns: Sequence[int] | np.ndarray) -> bool:
+    """Whether stamps are closer to each other, in the median, than those of any camera."""
+    return len(stamps_ns) > 1 and _median_period_ns(stamps_ns) <= _SHORTEST_PERIOD_NS
+
+
+def _median_period_ns(stamps_ns: Sequence[int] | np.ndarray) -> float:
+    return float(np.median(np.abs(np.diff(stamps_ns))))
 
 
 def numbered_rate_hz(stamps_ns: Sequence[int] | np.ndarray, numbered_hz: float) -> float:
     """The rate of frames n stamped n / `numbered_hz`, rounded to ns: that at the median step of n."""
     steps = np.diff(np.round(np.array(stamps_ns) * numbered_hz / 1e9))
     return numbered_hz / float(np.median(steps)) if len(steps) else numbered_hz
+
+
+def report_left_out(
+    reports: Reports,
+    folder: Path,
+    pairs: Sequence[ImagePair],
+    color: Sequence[Path],
+    depth: Sequence[Path],
+) -> None:
+    """Report if many images of a folder are in no pair, all along or at the end; `color` and `depth`: all
+    files, in their order."""
+    if len(pairs) < USUAL_SHARE * min(len(color), len(depth)):
+        text = (
+            f"{folder}: only {len(pairs)} of {len(color)} colour images have a time and one of {len(depth)} "
+            "depth images; the others are left out"
+        )
+        reports.add(Report("images without a counterpart", text))
+        return
+    paired = {file for _, *files in pairs for file in files}
+    for name, other, files in (("colour", "depth", color), ("depth", "colour", depth)):
+        last = max(k for k, file in enumerate(files) if file in paired)
+        alone = len(files) - 1 - last
+        if alone > (1 - USUAL_SHARE) * len(files):
+            text = (
+                f"{folder}: the last {alone} of {len(files)} {name} images are left out: images of {other} "
+                "end earlier"
+            )
+            reports.add(Report(f"{other} ends earlier", text))

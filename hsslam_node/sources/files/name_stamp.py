@@ -20,8 +20,9 @@ def name_stamp_ns(stem: str) -> int | None:
 
     `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns, or 6 digits of us),
     `2024-01-31_12-30-55.250` (taken as UTC), or numbers of 13, 16 or 19 digits before the point, if any,
-    which do not begin with 0: ms, us or ns since 1970. A number with a point right behind a letter is a time
-    only if it is one since 1970: `room1.0001` is image 1 of room1.
+    which do not begin with 0: ms, us or ns since 1970. Of several numbers the only one that is a time since
+    1970 counts, as in `1700000000000000000_640x480`, else the last. A number with a point right behind a
+    letter is a time only if it is one since 1970: `room1.0001` is image 1 of room1.
     """
     if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9}|\d{6})(?!\d)", stem):
         return int(both[1]) * 1_000_000_000 + int(both[2].ljust(9, "0"))
@@ -35,17 +36,25 @@ def name_stamp_ns(stem: str) -> int | None:
     numbers = list(re.finditer(r"\d+\.\d+|\d+", stem))
     if not numbers:
         return None
-    number = numbers[-1].group()
+    since_1970 = [found for found in numbers if _is_since_1970(found.group())]
+    found = since_1970[0] if len(since_1970) == 1 else numbers[-1]
+    number = found.group()
     stamp_ns = long_stamp_ns(number)
     if stamp_ns is not None or "." not in number:
         return stamp_ns
-    is_in_word = stem[: numbers[-1].start()][-1:].isalpha()
+    is_in_word = stem[: found.start()][-1:].isalpha()
     if is_in_word and number.index(".") < _SECONDS_DIGITS:
         return None
     try:
         return parse_stamp_ns(number)
     except ValueError:  # too large for nanoseconds
         return None
+
+
+def _is_since_1970(number: str) -> bool:
+    whole, _, fraction = number.partition(".")
+    is_seconds = len(whole) == _SECONDS_DIGITS and whole[0] != "0" and bool(fraction)
+    return is_seconds or long_stamp_ns(number) is not None
 
 
 def long_stamp_ns(number: str) -> int | None:

@@ -11,11 +11,11 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import associate
 from hsslam_node.sources.download.tum_archive import data_folders
-from hsslam_node.sources.files.image_pairs import ImagePair
+from hsslam_node.sources.files.image_pairs import ImagePair, are_too_fast, report_left_out
 from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
 from hsslam_node.sources.files.record_times import read_times
 from hsslam_node.sources.options.source import RecordOptions
-from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
+from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.user_path import user_path
 
 _COLOR_FOLDERS = ("color", "rgb", "colour")
@@ -49,28 +49,28 @@ class RecordFolder:
         """(stamp of the colour image in ns, colour file, depth file), in order of the stamps.
 
         Stamps come from a list of times, else from the names, else from the rate. Depth is found by stamps
-        in the names of both, else by numbers in the names, else by order if there are as many.
+        in the names of both, else by numbers in the names, else by order if there are as many. Stamps that no
+        camera can have are numbers behind the time of a session.
 
         Raises:
             UserError: there are no images, or no way to pair them.
         """
-        color, depth = self._color, self._depth
-        depth_of = self._depth_of(color, depth)
+        color, (depth_of, _) = self._color, self._depth_of_color
         stamps = self._stamps(color)
         pairs = [(stamps[c], c, depth_of[c]) for c in color if c in depth_of and c in stamps]
         if not pairs:
             raise UserError(f"{self.path}: no colour image has a stamp and a depth image")
         return sorted(pairs)
 
-    def report_left_out(self, reports: Reports) -> None:
-        """Report if many images have no stamp or no counterpart."""
-        count, images = len(self.pairs), (len(self._color), len(self._depth))
-        if count < USUAL_SHARE * min(images):
+    def report_pairs(self, reports: Reports) -> None:
+        """Report if many images are left out, or if nothing but their order says which belong together."""
+        report_left_out(reports, self.path, self.pairs, self._color, self._depth)
+        if self._depth_of_color[1]:
             text = (
-                f"{self.path}: only {count} of {images[0]} colour images have a time and one of {images[1]} "
-                "depth images; the others are left out"
+                f"{self.path}: colour and depth are paired by their order, as their names have no stamps and "
+                "not the same numbers"
             )
-            reports.add(Report("images without a counterpart", text))
+            reports.add(Report("images paired by their order", text))
 
     @cached_property
     def _color(self) -> list[Path]:
@@ -92,8 +92,11 @@ class RecordFolder:
         expected = " or ".join(f"{name}/" for name in names[:2])
         raise UserError(f"{self.path}: no images of {what}: expected them in {expected}")
 
-    def _depth_of(self, color: list[Path], depth: list[Path]) -> dict[Path, Path]:
-        color_ns, depth_ns = _all(name_stamp_ns, color), _all(name_stamp_ns, depth)
+    @cached_property
+    def _depth_of_color(self) -> tuple[dict[Path, Path], bool]:
+        """The depth file of each colour file that has one, and whether only their order tells it."""
+        color, depth = self._color, self._depth
+        color_ns, depth_ns = _name_stamps(color), _name_stamps(depth)
         if color_ns and depth_ns:
             by_color, by_depth = np.argsort(color_ns), np.argsort(depth_ns)
             sorted_ns = np.array(color_ns)[by_color], np.array(depth_ns)[by_depth]
@@ -103,16 +106,16 @@ class RecordFolder:
                 raise UserError(
                     f"{self.path}: no stamps of colour and depth within {limit}: expected one clock"
                 )
-            return {color[by_color[i]]: depth[by_depth[j]] for i, j in found}
+            return {color[by_color[i]]: depth[by_depth[j]] for i, j in found}, False
         color_number, depth_number = _all(name_number, color), _all(name_number, depth)
         if color_number and depth_number:
             numbered = dict(zip(depth_number, depth, strict=True))
             pairs = zip(color, color_number, strict=True)
             by_number = {file: numbered[n] for file, n in pairs if n in numbered}
             if 2 * len(by_number) >= min(len(color), len(depth)):
-                return by_number
+                return by_number, False
         if len(color) == len(depth):
-            return dict(zip(color, depth, strict=True))
+            return dict(zip(color, depth, strict=True)), True
         raise UserError(
             f"{self.path}: {len(color)} colour and {len(depth)} depth images: expected as many, or "
             "the same numbers, or stamps, in their names"
@@ -122,10 +125,16 @@ class RecordFolder:
         times = read_times(self.path, color)
         if times is not None:
             return times
-        stamps = _all(name_stamp_ns, color)
+        stamps = _name_stamps(color)
         if stamps is None:
             stamps = [round(i * 1e9 / self.options.rate_hz) for i in range(len(color))]
         return dict(zip(color, stamps, strict=True))
+
+
+def _name_stamps(files: list[Path]) -> list[int] | None:
+    """The stamps in all names, ns; None if one has none, or if they are closer than those of cameras."""
+    stamps_ns = _all(name_stamp_ns, files)
+    return stamps_ns if stamps_ns and not are_too_fast(sorted(stamps_ns)) else None
 
 
 def _all(of_name: Callable[[str], int | None], files: list[Path]) -> list[int] | None:

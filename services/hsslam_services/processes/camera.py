@@ -30,6 +30,7 @@ from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
 _AHEAD = 15  # frames decoded in advance, for half a second of other load
+_SLOWEST_HZ = 1.0
 _SLOW_SOURCE = (
     "this machine reads the source more slowly than the sensor recorded it: late frames are skipped and "
     "count as dropped"
@@ -87,6 +88,9 @@ def _run(worker: Worker) -> None:
             worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options, warn)
         )
     else:
+        if options.rate_hz is None and source.rate_hz < _SLOWEST_HZ:
+            text = f"frames are {1 / source.rate_hz:g} s apart by their stamps: expected seconds"
+            worker.event("warning", f"source {source.name}: {text}, or --rate-hz")
         scale = _clock_scale(options.rate_hz, source.rate_hz)
         period_s = 1 / (options.rate_hz or source.rate_hz)
         pace = Realtime(

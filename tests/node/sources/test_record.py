@@ -91,8 +91,32 @@ def test_names_with_a_point_behind_a_word_are_numbered(tmp_path):
 
 
 def test_names_without_numbers_go_by_order(tmp_path):
-    source = source_of(record(tmp_path, ["a.png", "b.png"], ["x.png", "y.png"]))
+    folder = record(tmp_path, ["a.png", "b.png"], ["x.png", "y.png"])
+    source = source_of(folder)
     assert numbers_of(source) == [(0, 0), (1, 1)]
+    (report,) = reports_of(source).take()
+    assert report.text.startswith(f"{folder}: colour and depth are paired by their order, as")
+
+
+@pytest.mark.parametrize(
+    "session", ["20240131_123055_{:04d}", "1706704255_{:06d}", "20240131_123055_{:03d}"]
+)
+def test_numbers_behind_the_time_of_a_session_are_no_fractions_of_a_second(tmp_path, session):
+    """As such they would pair a colour image with the depth of another moment, 0.1 ms away."""
+    color = [f"{session.format(n)}.png" for n in (1, 2, 4, 5, 6, 7)]
+    depth = [f"{session.format(n)}.png" for n in (1, 2, 3, 4, 5, 6)]
+    source = source_of(record(tmp_path, color, depth), rate_hz=10)
+    assert numbers_of(source) == [(0, 0), (1, 1), (2, 3), (3, 4), (4, 5)]
+    assert stamps_of(source) == [k * 100_000_000 for k in range(5)]
+
+
+def test_stamps_with_other_numbers_behind_them(tmp_path):
+    """By their order each colour image would get the depth of the next frame."""
+    stamps = [1_700_000_000_000_000_000 + k * 100_000_000 for k in range(4)]
+    color = [f"{stamp}_640x480.png" for stamp in stamps[1:]]
+    source = source_of(record(tmp_path, color, [f"{stamp}_cam0.png" for stamp in stamps[:3]]))
+    assert numbers_of(source) == [(0, 1), (1, 2)]
+    assert stamps_of(source) == stamps[1:3]
 
 
 def test_numbers_with_leading_zeros_are_no_stamps_and_10_comes_after_9(tmp_path):
@@ -127,6 +151,15 @@ def test_many_images_without_a_counterpart_are_reported(tmp_path):
     assert report.text.startswith(
         f"{folder}: only 4 of 10 colour images have a time and one of 10 d"
     )
+
+
+@pytest.mark.parametrize(("color", "depth"), [(12, 4), (4, 12)])
+def test_a_stream_that_ends_early_is_reported(tmp_path, color, depth):
+    names = [[f"{k}.png" for k in range(count)] for count in (color, depth)]
+    (report,) = reports_of(source_of(record(tmp_path, *names))).take()
+    longer, other = ("colour", "depth") if color > depth else ("depth", "colour")
+    text = f"the last 8 of 12 {longer} images are left out: images of {other} end earlier"
+    assert report.text == f"{tmp_path}: {text}"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, write_tum
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame
 from hsslam_node.sources.tum import TumFolder, TumSource, tum_truth
 from tests.sequence_folders import frame_images, write_tum_camera
@@ -56,6 +57,16 @@ def test_pairs_further_than_20_ms_apart_are_left_out(tum_folder):
     lines[3] = f"{float(stamp) + 0.0155:.6f} {file}"
     (tum_folder / "depth.txt").write_text("\n".join(lines))
     assert len(frames_of(tum_folder)) == 4
+    (report,) = reports_of(TumSource(str(tum_folder), SourceOptions())).take()
+    assert "only 4 of 5 colour images have a time and one of 5 depth images" in report.text
+
+
+def test_depth_that_ends_early_is_reported(tum_folder):
+    assert reports_of(TumSource(str(tum_folder), SourceOptions())).take() == []
+    lines = (tum_folder / "depth.txt").read_text().splitlines()
+    (tum_folder / "depth.txt").write_text("\n".join(lines[:-2]))
+    (report,) = reports_of(TumSource(str(tum_folder), SourceOptions())).take()
+    assert "the last 2 of 5 colour images are left out: images of depth end earlier" in report.text
 
 
 def test_association_is_one_to_one_and_takes_the_closest():

@@ -1,17 +1,21 @@
 """The sensor's clock of the camera process on a real bus: what it waits for, pauses, a new map."""
 
+import itertools
 import os
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from hsslam_node.sources.options.camera import CameraOptions
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Frame, MapVersion
 from hsslam_proto.run_messages import Hold
 from hsslam_services.arena.map_state import MapState
+from tests.sequence_folders import frame_images
 from tests.services.run.installed_package import install
 
 
@@ -128,3 +132,18 @@ def test_a_recording_with_stamps_of_a_wall_clock_is_played_slowly(other_end, tum
     first, second = (end.frames.wait(5) for _ in range(2))
     assert (first.index, second.index) == (1, 2)
     assert (second.stamp_ns - first.stamp_ns) / 1e9 == pytest.approx(1 / 3, abs=0.01)
+
+
+def test_stamps_that_are_no_seconds_are_told(other_end, tmp_path: Path):
+    """In real time the camera would wait half a minute for each frame, and seem to hang."""
+    for kind, k in itertools.product(("color", "depth"), range(3)):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        image = frame_images(k)[kind == "depth"]
+        assert cv2.imwrite(str(tmp_path / kind / f"{k}.png"), image)
+    (tmp_path / "times.txt").write_text("0\n33.3\n66.6\n")
+    lens = CameraOptions(fx=50.0, depth_scale=5000.0)
+    end = other_end(source=f"record:{tmp_path}", camera=lens)
+    events = end.bus.subscribe(topics.EVENT, 16)
+    assert end.next_frame().index == 0
+    text = "frames are 33.3 s apart by their stamps: expected seconds, or --rate-hz"
+    assert [e.text for e in events.drain()] == [f"source record:{tmp_path}: {text}"]
