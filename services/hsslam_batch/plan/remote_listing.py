@@ -46,6 +46,8 @@ def list_url(url: str, without: str = "") -> Listing:
 def asked_listing(url: str, without: str = "") -> Listing:
     """All files below a URL, except hidden ones and those below `without`; for a file, that file alone.
 
+    An object whose name ends in `/` marks a folder, as the consoles of stores make it; it is no file.
+
     Raises:
         UserError: there are no files.
         OSError: the store refuses the request or fails at every try.
@@ -60,7 +62,7 @@ def asked_listing(url: str, without: str = "") -> Listing:
     files = {
         name.removeprefix(prefix): FileStamp(int(about["size"]), _version(about))
         for name, about in sorted(found.items())
-        if name.startswith(prefix) and not name.startswith(own)
+        if name.startswith(prefix) and not name.startswith(own) and not name.endswith("/")
     }
     shown = {
         name: stamp

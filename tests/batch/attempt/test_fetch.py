@@ -107,6 +107,26 @@ def test_a_log_comes_whole_in_spite_of_faults(store, tmp_path: Path, monkeypatch
     assert faults.refused > 0 and faults.broken > 0
 
 
+def test_the_marker_of_a_folder_is_no_file(store, tmp_path: Path):
+    """An object of 0 bytes, which consoles and copy tools make for each folder."""
+    client, _, _ = store
+    files = {name: data for name, data in _OBJECTS.items() if name.startswith("logs/desk/")}
+    before = _logs()["desk"]
+    for folder in ("", "desk/", "desk/rgb/"):
+        client.put_object(Bucket=BUCKET, Key=f"marked/{folder}", Body=b"")
+    for name, content in files.items():
+        client.put_object(Bucket=BUCKET, Key=name.replace("logs/", "marked/"), Body=content)
+    (log,) = find_logs(list_url(f"s3://{BUCKET}/marked"))
+    assert (log.name, log.id) == (before.name, before.id)
+    fetch_log(log, tmp_path, most_gb=1.0)
+    place = fetched_place(tmp_path, log)
+    fetched = {f"logs/desk/{p.relative_to(place)}": p for p in place.rglob("*") if p.is_file()}
+    assert {name: path.read_bytes() for name, path in fetched.items()} == files
+    client.put_object(Bucket=BUCKET, Key="empty/", Body=b"")
+    with pytest.raises(UserError, match="empty: no files below: expected logs"):
+        list_url(f"s3://{BUCKET}/empty")
+
+
 def test_a_fetch_goes_on_where_it_ended(store, tmp_path: Path, monkeypatch):
     _, look_at, url = store
     log = _logs()["loose.mcap"]
