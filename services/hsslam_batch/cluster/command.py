@@ -3,7 +3,6 @@
 import contextlib
 import shutil
 import signal
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -22,7 +21,8 @@ from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
-from hsslam_services.commands.cli import parse_options
+from hsslam_services.commands.cli import parse_options, print_at_end
+from hsslam_services.health.resilient_stream import say_at_end
 from hsslam_services.run.stop_signals import hear_stop_signals
 
 _RAY_MESSAGES = "ray.log"
@@ -49,7 +49,7 @@ def run_command(args: Sequence[str]) -> int:
                 write_runs(batch, logs)
         tally = Tally(logs, filter(None, found.values()))
         _write_metrics(options.metrics_file, batch, tally)
-        print(tally.line())
+        print_at_end(tally.line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
     batch.expect_same_code()
     open_logs = {one.index for one in waiting}
@@ -62,10 +62,10 @@ def run_command(args: Sequence[str]) -> int:
         write_runs(batch, logs)
         if not tally.left:
             shutil.rmtree(batch.work, ignore_errors=True)
-    print(tally.line())
+    print_at_end(tally.line())
     if tally.left:
         if not stopped:
-            print(f"error: {tally.left} logs are left: expected none", file=sys.stderr)
+            say_at_end(f"error: {tally.left} logs are left: expected none")
         return _INTERRUPTED
     return _FAILED if tally.failed else 0
 
@@ -75,7 +75,7 @@ def _write_metrics(path: Path | None, batch: Batch, tally: Tally) -> None:
     try:
         MetricsFile(path, batch.about).write(tally, running=0)
     except OSError as error:
-        print(f"warning: {path}: {error.strerror or error}: not written", file=sys.stderr)
+        say_at_end(f"warning: {path}: {error.strerror or error}: not written")
 
 
 def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TextIO, cast
 
 import msgspec
 from rich.progress import BarColumn, TextColumn
@@ -16,15 +16,18 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import terminal_progress
+from hsslam_services.health.resilient_stream import ResilientStream
 
 PROGRESS = "progress.jsonl"
 _LINE_EVERY_S = 60.0  # without a terminal
+_DRAIN_S = 2.0
 
 
 class BatchProgress:
     """Shows and writes the events of a batch; a line of `progress.jsonl` has the counts after its event.
 
-    If a later write fails, the command prints one warning for each reason and the batch continues.
+    If a later write fails, the command prints one warning for each reason and the batch continues. If stderr
+    is full, not read, or its reader is gone, lines are lost and the batch continues.
 
     Raises:
         OSError: the folder or the store of the batch is not writable at the start.
@@ -41,7 +44,8 @@ class BatchProgress:
         self._file = (batch.out / PROGRESS).open("ab", buffering=0)
         self._published_s = -math.inf
         columns = (BarColumn(), TextColumn("{task.description}", markup=False))
-        self._bar = terminal_progress(*columns)
+        self._stream = ResilientStream(sys.stderr)
+        self._bar = terminal_progress(*columns, file=cast(TextIO, self._stream))
         self._task = self._bar.add_task("", total=tally.frames)
         self._printed_s = time.monotonic()
         self._warned: set[str] = set()  # reasons of failed writes
@@ -62,6 +66,7 @@ class BatchProgress:
         self._write("end")
         self._try(self._metrics_name, lambda: self._metrics.write(self.tally, running=0))
         self._bar.stop()
+        self._stream.drain(_DRAIN_S)
         self._file.close()
 
     def look(self, frames: Mapping[str, int]) -> None:
@@ -73,7 +78,7 @@ class BatchProgress:
         )
         if self._bar.disable and time.monotonic() - self._printed_s >= _LINE_EVERY_S:
             self._printed_s = time.monotonic()
-            print(self.tally.line(), file=sys.stderr, flush=True)
+            self.say(self.tally.line())
 
     def settled(self, outcome: Outcome) -> None:
         """Record a log that is done or has failed for good."""
@@ -90,7 +95,7 @@ class BatchProgress:
     def say(self, text: str) -> None:
         """Print a line on stderr, above the bar."""
         if self._bar.disable:
-            print(text, file=sys.stderr, flush=True)
+            self._stream.write(f"{text}\n")
         else:
             self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
 

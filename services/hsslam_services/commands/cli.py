@@ -5,7 +5,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn
@@ -118,15 +118,29 @@ def exit_code(command: Callable[[], int | None]) -> int:
             return 2
         elif not isinstance(error, BrokenPipeError):
             raise
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())  # Python flushes stdout at exit
+        _discard(sys.stdout)
         return 1
+
+
+def print_at_end(text: str) -> None:
+    """Print a line on stdout; a full disk or a closed pipe does not change the exit code."""
+    try:
+        print(text, flush=True)
+    except OSError:
+        _discard(sys.stdout)
 
 
 def _tell(text: str) -> None:
     """Print a line on stderr; a full disk or a closed pipe does not change the exit code."""
     with contextlib.suppress(OSError):
         print(text, file=sys.stderr, flush=True)
+
+
+def _discard(stream: TextIO) -> None:
+    """Send all output of a stream to /dev/null, also that in its buffer, which Python flushes at exit."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def _open_closed_streams() -> None:
@@ -138,7 +152,8 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(nowhere, mode, errors="backslashreplace"))
 
 
-def terminal_progress(*columns: ProgressColumn | str) -> Progress:
-    """A progress bar on stderr, removed when the work is done. Shows nothing if stderr is no terminal."""
-    console = Console(stderr=True)
+def terminal_progress(*columns: ProgressColumn | str, file: TextIO | None = None) -> Progress:
+    """A progress bar on `file` (None: stderr), removed when the work is done. Shows nothing if that is no
+    terminal."""
+    console = Console(file=file, stderr=True)
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

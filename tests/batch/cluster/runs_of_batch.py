@@ -1,6 +1,7 @@
 """A `hsslam-batch run` that goes on, and what lives of its runs; apart, as several tests kill some of it."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -24,6 +25,17 @@ def start(batch: Batch, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
+
+
+def start_unread(batch: Batch, *options: str) -> subprocess.Popen[bytes]:
+    """The command; the reader of what it prints is gone."""
+    readable, writable = os.pipe()
+    os.close(readable)
+    command = [sys.executable, "-m", "hsslam_batch", "run", batch.place, *_MEMORY, *options]
+    try:
+        return subprocess.Popen(command, stdout=writable, stderr=writable, start_new_session=True)
+    finally:
+        os.close(writable)
 
 
 def end(run: subprocess.Popen[str]) -> str:

@@ -1,6 +1,9 @@
 """What the driver makes of attempts: rows, another attempt, an end in order."""
 
 import json
+import os
+import pty
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,7 @@ from hsslam_batch.results.progress import PROGRESS, BatchProgress
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import parse_options
 from tests.batch.outcomes import outcome, planned, run_folder
+from tests.until import until
 
 
 def _run(batch: Batch, pool: Board) -> BatchRun:
@@ -25,7 +29,7 @@ def _run(batch: Batch, pool: Board) -> BatchRun:
     return BatchRun(batch, logs, 1, pool, progress, Stop())
 
 
-def test_attempts_become_rows_or_other_attempts(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_attempts_become_rows_or_other_attempts(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     batch = planned(tmp_path / "out", frames=(100, 200, 300))
     run = _run(batch, Board())
     with run.progress:
@@ -39,7 +43,7 @@ def test_attempts_become_rows_or_other_attempts(tmp_path: Path, capsys: pytest.C
     row = settled(batch, "id1")
     assert row and (row.kind, row.attempt, row.reason) == ("lost", 2, "its node died")
     assert run.progress.tally.line() == "1 done, 2 failed, 0 left; 600 of 600 frames"
-    assert capsys.readouterr().err == "log1: lost: its node died\nlog2: bad input: no log\n"
+    assert capfd.readouterr().err == "log1: lost: its node died\nlog2: bad input: no log\n"
     lines = [json.loads(line) for line in (batch.out / PROGRESS).read_text().splitlines()]
     events = [line["event"] for line in lines]
     assert events == ["begin", "done", "again", "failed", "failed", "end"]
@@ -55,41 +59,80 @@ def test_a_worker_that_died_after_its_commit_has_done_the_log(tmp_path: Path):
 
 
 def test_once_it_is_asked_to_stop_the_board_is_closed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     batch = planned(tmp_path / "out")
     board = Board()
     run = _run(batch, board)
     assert board.begin(0, "node")
     board.progress(0, 40)
-    run.look()
-    assert run.progress.tally.frames_done == 40
-    run.stop.ask()
-    run.look()
-    run.look()
+    with run.progress:
+        run.look()
+        assert run.progress.tally.frames_done == 40
+        run.stop.ask()
+        run.look()
+        run.look()
     assert not board.begin(1, "node")
-    assert capsys.readouterr().err.count("no more logs start") == 1
+    assert capfd.readouterr().err.count("no more logs start") == 1
     assert board.end(0) == "node" and board.end(0) == ""
 
 
 def test_other_code_fails_no_log_and_ends_the_batch(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     batch = planned(tmp_path / "out")
     board = Board()
     run = _run(batch, board)
     refused = TaskResult(trouble="other code", is_begun=False)
-    assert run.judge(Try(0), refused) is run.judge(Try(1, 2), refused) is None
-    run.look()
+    with run.progress:
+        assert run.judge(Try(0), refused) is run.judge(Try(1, 2), refused) is None
+        run.look()
     assert run.stop.is_asked() and not board.begin(2, "node")
     assert run.progress.tally.left == 3 and settled(batch, "id0") is None
-    said = capsys.readouterr().err.splitlines()
+    said = capfd.readouterr().err.splitlines()
     assert said[0] == "error: other code" and said[1].startswith("no more logs start, running")
     assert len(said) == 2
 
 
+def test_messages_that_nobody_reads_end_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The reader of stderr is gone, as `tee` after a Ctrl-C that both have heard."""
+    batch = planned(tmp_path / "out", frames=(100, 200))
+    readable, writable = os.pipe()
+    os.close(readable)
+    with os.fdopen(writable, "w") as stderr, monkeypatch.context() as unread:
+        unread.setattr(sys, "stderr", stderr)
+        run = _run(batch, Board())
+        with run.progress:
+            bad = outcome(batch, 0, "bad input", reason="no log")
+            assert run.judge(Try(0), TaskResult(bad)) is None
+            run.stop.ask()
+            run.look()
+            assert run.judge(Try(1), TaskResult(outcome(batch, 1))) is None
+    assert (run.progress.tally.done, run.progress.tally.failed) == (1, 1)
+
+
+def test_a_terminal_that_goes_away_ends_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """As of an ssh that drops, while the bar is shown."""
+    batch = planned(tmp_path / "out", frames=(100, 200))
+    ours, theirs = pty.openpty()
+    monkeypatch.setenv("TERM", "xterm")
+    with os.fdopen(theirs, "w") as stderr, monkeypatch.context() as unread:
+        unread.setattr(sys, "stderr", stderr)
+        run = _run(batch, Board())
+        with run.progress:
+            run.look()
+            until(lambda: b"0 done" in os.read(ours, 10_000))
+            os.close(ours)
+            bad = outcome(batch, 0, "bad input", reason="no log")
+            assert run.judge(Try(0), TaskResult(bad)) is None
+            run.stop.ask()
+            run.look()
+            assert run.judge(Try(1), TaskResult(outcome(batch, 1))) is None
+    assert (run.progress.tally.done, run.progress.tally.failed) == (1, 1)
+
+
 def test_an_edit_that_breaks_the_command_itself_fails_no_log(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     """It cannot say itself that the code is another: Python ends it before."""
     batch = planned(tmp_path / "out")
@@ -98,9 +141,10 @@ def test_an_edit_that_breaks_the_command_itself_fails_no_log(
     file = batch.out / "batch.json"
     file.write_text(file.read_text().replace(batch.about.digest, "0123"))
     run = _run(read_batch(str(batch.out)), Board())
-    assert run.judge(Try(1), broken) is run.judge(Try(2), broken) is None
+    with run.progress:
+        assert run.judge(Try(1), broken) is run.judge(Try(2), broken) is None
     assert run.stop.is_asked() and settled(batch, "id1") is None
-    said = capsys.readouterr().err
+    said = capfd.readouterr().err
     assert said.startswith(f"error: {batch.out}: was planned with ")
     assert " (0123), this is " in said and said.count("\n") == 1
 

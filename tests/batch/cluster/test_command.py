@@ -1,6 +1,7 @@
 """What `hsslam-batch run` decides before it starts Ray."""
 
 import os
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -39,6 +40,17 @@ def test_where_nothing_is_left_ray_is_not_started(
     assert (batch.out / "runs.parquet").exists()
     with pytest.raises(ModuleNotFoundError):
         run_command([str(batch.out), "--failed"])
+
+
+def test_the_exit_code_is_that_of_the_batch_if_nobody_reads(batch: Batch):
+    """As `hsslam-batch run OUT 2>&1 | tee FILE`, whose `tee` has heard the Ctrl-C, too."""
+    readable, writable = os.pipe()
+    os.close(readable)
+    command = [sys.executable, "-m", "hsslam_batch", "run", str(batch.out)]
+    try:
+        assert subprocess.call(command, stdout=writable, stderr=writable) == 3
+    finally:
+        os.close(writable)
 
 
 def test_the_table_has_what_work_has_mended_since(batch: Batch):

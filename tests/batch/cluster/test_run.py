@@ -21,12 +21,14 @@ from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.runs_of_batch import (
+    LONG_S,
     arenas,
     by_hand,
     end,
     nothing_left,
     of_batch,
     start,
+    start_unread,
     trajectories,
     wait,
 )
@@ -113,6 +115,16 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     assert third.returncode == 3 and "3 done, 1 failed, 0 left" in said
     assert next(row["name"] for row in rows if row["kind"] == "done") in trajectories(batch)
     assert len(read_runs(batch.out)) == 4 and nothing_left(batch)
+
+
+def test_running_logs_finish_if_nobody_reads_the_answer_to_ctrl_c(batch: Batch):
+    run = start_unread(batch, "--parallel", "1")
+    wait(lambda: arenas(batch) or run.poll() is not None)
+    run.send_signal(signal.SIGINT)
+    assert run.wait(LONG_S) == 1
+    kinds = {row["name"]: row["kind"] for row in read_runs(batch.out)}
+    assert kinds == {"damaged": "bad input", "good0": "done"}
+    assert nothing_left(batch)
 
 
 def test_a_stop_while_ray_starts_begins_no_log(batch: Batch):

@@ -40,7 +40,7 @@ def test_metrics_follow_the_counts(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["batch.prom"]
 
 
-def test_no_log_ends_for_files_of_progress_that_cannot_be_written(tmp_path: Path, capsys):
+def test_no_log_ends_for_files_of_progress_that_cannot_be_written(tmp_path: Path, capfd):
     """The folder of the collector goes away, the store of the batch is closed to us."""
     store = f"memory://{tmp_path.name}/batch"
     batch = planned(tmp_path / "out", frames=(100, 200), url=store)
@@ -53,7 +53,7 @@ def test_no_log_ends_for_files_of_progress_that_cannot_be_written(tmp_path: Path
         (batch.out / "progress.jsonl").unlink()  # reading it for the store fails
         for index in range(2):
             progress.settled(outcome(batch, index))
-    said = capsys.readouterr().err
+    said = capfd.readouterr().err
     assert said.count(f"warning: {file}: No such file or directory: not written") == 1
     assert said.count("warning: progress.jsonl: No such file or directory: not written") == 1
     assert (tally.done, tally.left) == (2, 0)
