@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+MORE_SHARED_MEMORY = "expected more shared memory (docker: --shm-size)"
+"""In each error about a full /dev/shm; a batch, whose runs are other processes, recognises them by it."""
 _LONGEST_TEXT = 300
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_batch.plan.batch import Batch
-from hsslam_node.errors import on_one_line
+from hsslam_node.errors import MORE_SHARED_MEMORY, on_one_line
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
@@ -27,6 +27,8 @@ def judged(
 ) -> tuple[Kind, str]:
     """The kind of outcome of a command that has ended, and one line about why if it failed.
 
+    If the shared memory of the machine is full, the log is not at fault: a crash, which is tried again.
+
     `words`: the last line that it printed; `meanings`: text for each exit code.
     """
     if end.why == "timeout":
@@ -37,7 +39,7 @@ def judged(
     if end.code < 0:
         return "crash", f"killed by {signal.Signals(-end.code).name}; {words}"
     if end.code == ExitCode.BAD_INPUT:
-        return "bad input", words
+        return "crash" if MORE_SHARED_MEMORY in words else "bad input", words
     if end.code != ExitCode.SAVED:
         meaning = next((f" ({text})" for code, text in meanings.items() if code == end.code), "")
         return "crash", f"exit code {end.code}{meaning}; {words}"

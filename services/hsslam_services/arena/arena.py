@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from hsslam_node.durable_file import durable_file
-from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.errors import MORE_SHARED_MEMORY, OutOfMemoryError
 from hsslam_services.arena.arena_view import ArrayHeader, removed_is_absent
 from hsslam_services.arena.shared_pages import give_back
 
@@ -176,6 +176,5 @@ class Arena:
         free = os.statvfs(self.folder)
         return OutOfMemoryError(
             f"{self.folder.parent}: array {name} needs {nbytes} bytes, "
-            f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
-            "(docker: --shm-size)"
+            f"{free.f_bavail * free.f_frsize} are free: {MORE_SHARED_MEMORY}"
         )

@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 import zenoh
 
-from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_node.errors import MORE_SHARED_MEMORY, OutOfMemoryError, UserError
 from hsslam_services.bus.dead_pools import POOL_BYTES, pool_bytes
 
 _SHARED = "transport/shared_memory"
@@ -203,7 +203,7 @@ def _expect_shared_memory(reason: str) -> None:
         shm = os.statvfs("/dev/shm")
         raise OutOfMemoryError(
             f"/dev/shm: zenoh needs some thousand bytes for a session, {shm.f_bavail * shm.f_frsize} "
-            f"are free: expected more shared memory (docker: --shm-size) ({reason})"
+            f"are free: {MORE_SHARED_MEMORY} ({reason})"
         ) from None
 
 

@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -12,14 +12,17 @@ import pytest
 
 from hsslam_batch.__main__ import main
 from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.outcome import may_try_again
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
+from hsslam_node.errors import MORE_SHARED_MEMORY
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.in_process import run_main
 from tests.services.serve_process import QUICK
+from tests.services.small_shared_memory import with_shared_memory
 
 pytestmark = pytest.mark.e2e
 _LONG_S = 900  # on a machine that does other things
@@ -35,8 +38,10 @@ def batch(tmp_path: Path) -> Batch:
     return read_batch(str(tmp_path / "out"))
 
 
-def _work(batch: Batch, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hsslam_batch", "work", batch.place, *options]
+def _work(
+    batch: Batch, *options: str, prefix: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
+    command = [*prefix, sys.executable, "-m", "hsslam_batch", "work", batch.place, *options]
     return subprocess.run(command, capture_output=True, text=True, timeout=_LONG_S)
 
 
@@ -136,3 +141,13 @@ def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(batch: Bat
     assert done.returncode == 3, done.stderr
     assert done.stderr.startswith("error: kernel cache ") and done.stderr.count("\n") == 1
     assert settled(batch, read_manifest(batch.out)[1].id) is None
+
+
+def test_a_machine_without_shared_memory_is_not_the_fault_of_the_log(batch: Batch):
+    """It may be tried again, here once other runs have ended or elsewhere."""
+    log = read_manifest(batch.out)[1]
+    done = _work(batch, "--index", str(log.index), prefix=with_shared_memory("4m"))
+    assert done.returncode == 3, done.stderr
+    assert f"{log.name}: crash: " in done.stderr and MORE_SHARED_MEMORY in done.stderr
+    row = settled(batch, log.id)
+    assert row and row.kind == "crash" and may_try_again(row, retries=2)
