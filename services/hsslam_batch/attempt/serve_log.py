@@ -129,7 +129,7 @@ def _attempt(
                 at_end.pop_all()  # keep the fetched part for the next attempt
             return outcome
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
-    elif terms.attempt == 1:  # an attempt before may have recovered it
+    else:
         try:
             expect_unchanged(log, batch.out)
         except UserError as error:

@@ -12,6 +12,7 @@ from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
+from hsslam_services.log.recovery import recover
 from tests.services.serve_process import QUICK
 
 
@@ -31,6 +32,19 @@ def test_a_log_that_changed_after_the_plan_is_bad_input(tmp_path: Path, is_folde
     outcome = serve_log(batch, log, Terms())
     assert outcome.kind == "bad input" and outcome.wall_s == 0
     assert f"{log.place}: has changed since the plan: expected the same files" in outcome.reason
+    assert serve_log(batch, log, Terms(attempt=2)).reason == outcome.reason
     expect_unchanged(dataclasses.replace(log, frames=0), batch.out)  # its first reader completes it
     file.unlink()
     expect_unchanged(dataclasses.replace(log, place=str(file)), batch.out)
+
+
+def test_a_log_without_an_end_may_have_been_completed_by_an_attempt(tmp_path: Path):
+    file = write_small_log(tmp_path / "logs" / "a")
+    file.write_bytes(file.read_bytes()[:-1000])  # its recorder was killed
+    plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
+    batch = read_batch(str(tmp_path / "out"))
+    (log,) = read_manifest(batch.out)
+    assert log.frames == 0
+    recover(file)
+    assert file.stat().st_size != log.nbytes
+    expect_unchanged(log, batch.out)
