@@ -41,7 +41,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
 
 
 def settle_failed(batch: Batch, outcome: Outcome) -> None:
-    """Write down why a log has no result, and remove its results under an earlier configuration.
+    """Write down why a log has no result; its results under an earlier configuration stay.
 
     Raises:
         OSError: the folder of the batch cannot be written.
@@ -52,8 +52,6 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
     with _alone(batch):
         if _is_done(batch, outcome):
             return
-        _remove(batch.run_dir(outcome.id))
-        _unlink_recordings(batch.rrd_file(outcome.id))
         path = batch.failed_file(outcome.id)
         path.parent.mkdir(exist_ok=True)
         write_durably(path, encoded(outcome))

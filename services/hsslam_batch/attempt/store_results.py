@@ -28,16 +28,19 @@ class StoredOutcome(Outcome, frozen=True, kw_only=True):
 def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
     """Upload a run folder and make it the result of its log, unless another attempt has one.
 
+    Results under another configuration count until the upload is complete.
+
     Raises:
         OSError: the store fails; the log then has no result.
     """
-    if _withdraw_stale(batch, store, outcome):
+    if _is_done(batch, store, outcome):
         return
     base, row_name = batch.name(batch.run_dir(outcome.id)), batch.name(batch.done_file(outcome.id))
     folder = f"{outcome.attempt}.{secrets.token_hex(_TOKEN_BYTES)}"
     files = store.upload(run_dir, f"{base}/{folder}")
     found = msgspec.structs.asdict(outcome) | {"folder": folder, "files": tuple(files)}
-    if not store.create(row_name, encoded(StoredOutcome(**found))):
+    row = encoded(StoredOutcome(**found))
+    if _is_late(batch, store, outcome) or not store.create(row_name, row):
         store.remove(f"{base}/{folder}/{name}" for name in files)
         return
     kept = (DONE, f"{folder}/")
@@ -46,12 +49,12 @@ def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
 
 
 def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:
-    """Write down why a log has no result, unless an attempt has one.
+    """Write down why a log has no result, unless an attempt has one. Removes nothing.
 
     Raises:
         OSError: the store fails.
     """
-    if not _withdraw_stale(batch, store, outcome):
+    if not _is_done(batch, store, outcome):
         store.write(batch.name(batch.failed_file(outcome.id)), encoded(outcome))
 
 
@@ -74,21 +77,29 @@ def settled(batch: Batch, store: Store, ids: Iterable[str]) -> dict[str, Outcome
 def _rows(
     batch: Batch, store: Store, names: dict[str, str], kind: type[Outcome]
 ) -> dict[str, Outcome]:
-    rows: dict[str, Outcome] = {}
-    for name, data in store.read_all(names).items():
-        with contextlib.suppress(msgspec.MsgspecError):
-            row = msgspec.json.decode(data, type=kind)
-            if row.configuration == batch.about.configuration:
-                rows[names[name]] = row
-    return rows
+    found = store.read_all(names).items()
+    return {names[name]: row for name, data in found if (row := _row(batch, data, kind))}
 
 
-def _withdraw_stale(batch: Batch, store: Store, outcome: Outcome) -> bool:
-    """Whether the log is done; removes the row of a result under another configuration."""
-    row_name = batch.name(batch.done_file(outcome.id))
+def _row(batch: Batch, data: bytes, kind: type[Outcome]) -> Outcome | None:
+    """The row in a file; None if it is of another configuration or damaged."""
+    with contextlib.suppress(msgspec.MsgspecError):
+        row = msgspec.json.decode(data, type=kind)
+        if row.configuration == batch.about.configuration:
+            return row
+    return None
+
+
+def _is_done(batch: Batch, store: Store, outcome: Outcome) -> bool:
     found = settled(batch, store, [outcome.id]).get(outcome.id)
-    if found is not None and found.is_done:
-        return True
-    if store.read_all([row_name]):
-        store.remove([row_name])
+    return found is not None and found.is_done
+
+
+def _is_late(batch: Batch, store: Store, outcome: Outcome) -> bool:
+    """Whether the log is done by now; removes the row of a result under another configuration."""
+    name = batch.name(batch.done_file(outcome.id))
+    for data in store.read_all([name]).values():
+        if _row(batch, data, StoredOutcome):
+            return True
+        store.remove([name])
     return False

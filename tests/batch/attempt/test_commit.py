@@ -86,9 +86,26 @@ def test_results_of_another_configuration_do_not_count(tmp_path: Path):
     other = planned(tmp_path / "out", seed=1)
     assert other.about != batch.about
     assert settled(other, "id0") is settled(other, "id1") is None
-    settle_failed(other, outcome(other, 0, "bad input"))
-    assert not other.run_dir("id0").exists()  # what the other configuration had made
-    assert _recordings(other) == []
+
+
+def test_a_failure_under_another_configuration_leaves_the_results_of_the_first(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    good = outcome(batch, 0)
+    commit(batch, good, run_folder(batch, 0))
+    other = planned(tmp_path / "out", seed=1)
+    failure = outcome(other, 0, "bad input")
+    settle_failed(other, failure)
+    assert settled(other, "id0") == failure
+    settle_recordings(other, read_manifest(other.out))
+    assert _recordings(other) == []  # its own
+    again = planned(tmp_path / "out")
+    assert settled(again, "id0") == good
+    settle_recordings(again, read_manifest(again.out))
+    assert _recordings(again) == ["id0.1.rrd", "id0.rrd"]
+    third = planned(tmp_path / "out", seed=2)
+    commit(third, outcome(third, 0), _second_run_folder(third))
+    assert settled(batch, "id0") is None
+    assert (third.run_dir("id0") / "trajectory.txt").read_text() == "second"
 
 
 def test_recordings_are_those_of_logs_that_are_done(tmp_path: Path):

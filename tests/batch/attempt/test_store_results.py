@@ -146,6 +146,27 @@ def test_results_of_another_configuration_are_replaced(plan, server):
     assert settled(other, "id0") == row
 
 
+def test_results_of_another_configuration_stay_until_there_are_new_ones(plan, server, monkeypatch):
+    batch = plan()
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    first = settled(batch, "id0")
+    files = _objects(server, batch, "runs/")
+    other = plan(seed=1)
+    settle_failed(other, outcome(other, 0, "timeout"))
+    row = settled(other, "id0")
+    assert row and row.kind == "timeout"
+    run_dir = run_folder(other, 3, "other")
+    monkeypatch.setattr(tried, "_TRIES", 1)
+    faults = Faults(every=3, of_all=True)  # rows are read, uploads fail
+    with faulty(server[0], faults) as address, pytest.raises(OSError, match=r"^s3://"):
+        reach(address, monkeypatch)
+        commit(replace(other), outcome(other, 0), run_dir)
+    assert faults.refused + faults.broken > 0
+    reach(server[0], monkeypatch)
+    assert settled(replace(batch), "id0") == first
+    assert files.items() <= _objects(server, batch, "runs/").items()
+
+
 def test_a_url_without_a_batch_is_one_line(plan, monkeypatch):
     with pytest.raises(UserError, match=r"^s3://fleet/none/manifest.parquet: no such file: exp"):
         read_batch(f"s3://{BUCKET}/none")
