@@ -62,7 +62,8 @@ def _metrics(about: BatchFile, tally: Tally, running: int) -> Iterator[Metric]:
     yield GaugeMetricFamily("hsslam_batch_logs_running", text, running)
     text = "Failed attempts that were tried again, since the start of this command"
     yield CounterMetricFamily("hsslam_batch_attempts_repeated", text, tally.tried_again)
-    yield GaugeMetricFamily("hsslam_batch_frames", "Frames of all logs", tally.frames)
+    if tally.frames is not None:
+        yield GaugeMetricFamily("hsslam_batch_frames", "Frames of all logs", tally.frames)
     text = "Frames of logs that are done or failed, and frames of running logs so far"
     yield GaugeMetricFamily("hsslam_batch_frames_done", text, tally.frames_done)
     text = "Core time of logs that ended since the start of this command"

@@ -74,7 +74,10 @@ class BatchProgress:
         self.tally.run(frames)
         self._try(self._metrics_name, lambda: self._metrics.tick(self.tally, len(frames)))
         self._bar.update(
-            self._task, completed=self.tally.frames_done, description=self.tally.line()
+            self._task,
+            total=self.tally.frames,
+            completed=self.tally.frames_done,
+            description=self.tally.line(),
         )
         if self._bar.disable and time.monotonic() - self._printed_s >= _LINE_EVERY_S:
             self._printed_s = time.monotonic()

@@ -8,6 +8,7 @@ from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.options import StatusOptions
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.tally import Tally, frames_of
 from hsslam_services.commands.cli import parse_options
 
 _LEFT, _FAILED = 1, 3
@@ -35,5 +36,5 @@ def status_command(args: Sequence[str]) -> int:
             words = f"{log.name}: {outcome.kind}: {outcome.reason}"
             print(f"{words} (attempt {outcome.attempt})", file=sys.stderr)
     states = ", ".join(f"{counts[state]} {state}" for state in ("done", "failed", "left"))
-    print(f"{len(logs)} logs: {states}; {frames} of {sum(log.frames for log in logs)} frames")
+    print(f"{len(logs)} logs: {states}; {frames_of(frames, Tally(logs, rows.values()).frames)}")
     return _LEFT if counts["left"] else _FAILED if counts["failed"] else 0

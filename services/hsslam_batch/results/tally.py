@@ -10,26 +10,28 @@ from hsslam_batch.plan.log import Log
 class Tally:
     """Counts of a running batch.
 
-    A log with an unknown number of frames counts as one of average length until it is settled.
+    A log with an unknown number of frames counts as one of average length until it is settled, or with its
+    frames so far if these are more. The average is that of all logs that are done or whose length is known.
     """
 
     def __init__(self, logs: Sequence[Log], settled: Iterable[Outcome]) -> None:
-        known = [log.frames for log in logs if log.frames]
-        average = sum(known) / len(known) if known else 1.0
-        self._frames = {log.id: log.frames or average for log in logs}
+        self._known = {log.id: log.frames for log in logs if log.frames}
         self._unknown = {log.id for log in logs if not log.frames}
+        self._lengths = len(self._known)  # of which the average is made
+        self._length_frames = sum(self._known.values())
+        self._failed_frames = 0  # of logs whose length stays unknown
         self.logs = len(logs)
         self.done = 0
         self.failed = 0
         self.tried_again = 0
         self.core_s = 0.0
-        self._settled_frames = 0.0
+        self._settled_frames = 0
+        self._running: Mapping[str, int] = {}
         for outcome in settled:
             self.settle(outcome)
         self.core_s = 0.0  # of logs that end from now on
         self._begun_at_frames = self._settled_frames
         self._begun_s = time.monotonic()
-        self._running_frames = 0.0
 
     @property
     def left(self) -> int:
@@ -37,35 +39,51 @@ class Tally:
         return self.logs - self.done - self.failed
 
     @property
-    def frames(self) -> int:
-        """Frames of all logs."""
-        return round(sum(self._frames.values()))
+    def frames(self) -> int | None:
+        """Frames of all logs; None while some are left and no log has a known length."""
+        if not self._unknown:
+            return self._length_frames + self._failed_frames
+        if not self._lengths:
+            return None
+        average = self._length_frames / self._lengths
+        longer = sum(
+            max(0.0, self._running[i] - average) for i in self._running.keys() & self._unknown
+        )
+        rest = average * len(self._unknown) + longer
+        return round(self._length_frames + self._failed_frames + rest)
 
     @property
     def frames_done(self) -> int:
         """Frames of logs that are done or failed, and frames of running logs so far."""
-        return round(self._settled_frames + self._running_frames)
+        running = sum(min(n, self._known.get(i, n)) for i, n in self._running.items())
+        return self._settled_frames + running
 
     def settle(self, outcome: Outcome) -> None:
         """Count a log that is done or has failed for good."""
         self.done += outcome.is_done
         self.failed += not outcome.is_done
         self.core_s += outcome.core_s
+        self._running = {i: n for i, n in self._running.items() if i != outcome.id}
+        self._settled_frames += self._known.get(outcome.id, outcome.frames)
         if outcome.id in self._unknown:
-            self._frames[outcome.id] = outcome.frames
-        self._settled_frames += self._frames[outcome.id]
+            self._unknown.remove(outcome.id)
+            if outcome.is_done:
+                self._lengths += 1
+                self._length_frames += outcome.frames
+            else:
+                self._failed_frames += outcome.frames
 
     def run(self, frames: Mapping[str, int]) -> None:
         """Set the frames that are done, by id of the running log; frames of failed attempts drop out."""
-        self._running_frames = sum(min(n, self._frames[i]) for i, n in frames.items())
+        self._running = frames
 
     def rest_s(self) -> float | None:
-        """Remaining time at the pace since the start, s; None before the first frame."""
-        made = self._settled_frames + self._running_frames - self._begun_at_frames
-        if made <= 0:
+        """Remaining time at the pace since the start, s; None before the first frame, or if no log has a
+        known length."""
+        made, frames = self.frames_done - self._begun_at_frames, self.frames
+        if made <= 0 or frames is None:
             return None
-        pace_s = (time.monotonic() - self._begun_s) / made
-        return pace_s * (self.frames - self.frames_done)
+        return (time.monotonic() - self._begun_s) / made * (frames - self.frames_done)
 
     def line(self) -> str:
         """All counts in one line."""
@@ -73,8 +91,13 @@ class Tally:
         rest = "" if rest_s is None or not self.left else f"; about {duration(rest_s)} left"
         return (
             f"{self.done} done, {self.failed} failed, {self.left} left; "
-            f"{self.frames_done} of {self.frames} frames{rest}"
+            f"{frames_of(self.frames_done, self.frames)}{rest}"
         )
+
+
+def frames_of(done: int, frames: int | None) -> str:
+    """As `300 of 450 frames`; `300 frames` if the frames of all logs are not known."""
+    return f"{done} frames" if frames is None else f"{done} of {frames} frames"
 
 
 def duration(seconds: float) -> str:

@@ -24,3 +24,14 @@ def test_the_exit_code_is_1_while_logs_are_left_then_3_if_some_failed(
     assert status_command(words) == run_command(words) == 3
     commit(batch, outcome(batch, 1, frames=200), run_folder(batch, 1))
     assert status_command(words) == run_command(words) == 0
+
+
+def test_logs_of_unknown_length_count_as_those_that_are_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    batch = planned(tmp_path / "out", frames=(0, 0, 0))
+    assert status_command([str(batch.out)]) == 1
+    assert capsys.readouterr().out == "3 logs: 0 done, 0 failed, 3 left; 0 frames\n"
+    commit(batch, outcome(batch, 0, frames=20), run_folder(batch, 0))
+    assert status_command([str(batch.out)]) == 1
+    assert capsys.readouterr().out == "3 logs: 1 done, 0 failed, 2 left; 20 of 60 frames\n"

@@ -20,10 +20,10 @@ def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     tally = Tally(read_manifest(batch.out), [outcome(batch, 0)])
     assert (tally.done, tally.left, tally.frames, tally.frames_done) == (1, 2, 450, 100)
     assert tally.rest_s() is None
-    tally.run({"id1": 50, "id2": 900})  # no more than a log has
-    assert tally.frames_done == 300
-    assert tally.rest_s() == pytest.approx(10.0 / 200 * 150)
-    assert tally.line() == "1 done, 0 failed, 2 left; 300 of 450 frames; about 8 s left"
+    tally.run({"id1": 950, "id2": 50})  # no more than a log has
+    assert tally.frames_done == 350
+    assert tally.rest_s() == pytest.approx(10.0 / 250 * 100)
+    assert tally.line() == "1 done, 0 failed, 2 left; 350 of 450 frames; about 4 s left"
     tally.settle(outcome(batch, 1, "crash"))
     tally.run({})
     assert (tally.failed, tally.frames_done) == (1, 300)
@@ -39,6 +39,27 @@ def test_a_log_of_unknown_length_counts_with_the_frames_that_it_had(
     assert tally.frames == 450
     tally.settle(msgspec.structs.replace(outcome(batch, 2, kind), frames=frames))
     assert (tally.frames, tally.frames_done) == (300 + frames, frames)
+
+
+def test_logs_of_unknown_length_are_as_long_as_those_that_are_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """As logs of a store are: no plan knows their length."""
+    batch = planned(tmp_path / "out", frames=(0,) * 100)
+    now = [1000.0]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    tally = Tally(read_manifest(batch.out), [])
+    tally.run({"id0": 300, "id1": 300})
+    assert tally.rest_s() is None
+    assert tally.line() == "0 done, 0 failed, 100 left; 600 frames"
+    now[0] = 1200.0
+    for k in range(2):
+        tally.settle(outcome(batch, k, frames=600))
+    assert (tally.frames, tally.frames_done) == (60_000, 1200)
+    assert tally.rest_s() == pytest.approx(200.0 / 2 * 98)
+    tally.settle(outcome(batch, 2, "bad input"))  # says nothing of the others
+    tally.run({"id3": 1600})  # longer than the others
+    assert (tally.frames, tally.frames_done) == (99 * 600 + 1000, 2800)
 
 
 def test_durations_in_words():
