@@ -17,8 +17,10 @@ _PRIVATE = 0o600
 
 
 @contextlib.contextmanager
-def durable_file(path: Path | str, *, private: bool = False) -> Iterator[Path]:
-    """Yield a temporary path with the suffix of `path`; after the block its file replaces `path`.
+def durable_file(
+    path: Path | str, *, private: bool = False, suffix: str | None = None
+) -> Iterator[Path]:
+    """Yield a temporary path that ends in `suffix` (None: that of `path`); then its file replaces `path`.
 
     After the block the new content is on the disk. Before, or after a power cut during the block,
     readers find the old content. If the block raises, the temporary file is removed. A link stays, and the
@@ -41,7 +43,8 @@ def durable_file(path: Path | str, *, private: bool = False) -> Iterator[Path]:
     path = Path(os.path.realpath(path))
     if not path.name or path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{path.suffix}")
+    suffix = path.suffix if suffix is None else suffix
+    partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{suffix}")
     try:
         permissions = _PRIVATE if private else _permissions(partial, path)
         yield partial
@@ -75,10 +78,12 @@ def _opened(path: Path) -> IO[bytes]:
 def write_durably(path: Path | str, data: bytes) -> None:
     """Write `data` as the whole content of `path`, as `durable_file` does.
 
+    The temporary file has no suffix, so no reader that takes all files of one suffix takes it.
+
     Raises:
         OSError: the file or its folder cannot be written.
     """
-    with durable_file(path) as partial:
+    with durable_file(path, suffix="") as partial:
         partial.write_bytes(data)
 
 

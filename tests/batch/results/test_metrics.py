@@ -1,5 +1,9 @@
 """The metrics of a batch follow its counts, in a file that node_exporter can read at any moment."""
 
+import ctypes
+import os
+import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -7,6 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.tally import Tally
 from hsslam_node.errors import UserError
@@ -20,6 +25,34 @@ def _read(path: Path) -> dict[str, float]:
         for family in text_string_to_metric_families(path.read_text())
         for sample in family.samples
     }
+
+
+def _names_made(folder: Path, write: Callable[[], object]) -> set[str]:
+    """The names that appear in a folder during a write, temporary ones too."""
+    libc, head = ctypes.CDLL(None), struct.Struct("iIII")
+    inotify = libc.inotify_init()
+    assert (
+        libc.inotify_add_watch(inotify, os.fsencode(folder), 0x180) >= 0
+    )  # IN_CREATE, IN_MOVED_TO
+    write()
+    said, names = os.read(inotify, 1 << 16), set()
+    os.close(inotify)
+    while said:
+        *_, length = head.unpack_from(said)
+        names.add(said[head.size : head.size + length].rstrip(b"\0").decode())
+        said = said[head.size + length :]
+    return names
+
+
+def test_the_collector_never_finds_half_a_file_or_a_second_one(tmp_path: Path):
+    """node_exporter reads all names that end in .prom, hidden ones too."""
+    batch = planned(tmp_path / "out", frames=(100,))
+    folder = tmp_path / "collected"
+    folder.mkdir()
+    metrics = MetricsFile(folder / "batch.prom", batch.about)
+    tally = Tally(read_manifest(batch.out), [])
+    names = _names_made(folder, lambda: metrics.write(tally, running=0))
+    assert len(names) == 2 and [n for n in names if n.endswith(".prom")] == ["batch.prom"]
 
 
 def test_metrics_follow_the_counts(tmp_path: Path):
