@@ -24,6 +24,7 @@ import msgspec
 
 from hsslam_batch.plan.code import code_digest, code_name
 from hsslam_batch.plan.listing import BATCH_FILE, MANIFEST
+from hsslam_batch.plan.named_files import named_files_digest
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_batch.plan.store import Store
 from hsslam_node.durable_file import write_durably
@@ -48,10 +49,11 @@ class OtherPlanError(UserError):
 class BatchFile(msgspec.Struct, frozen=True):
     """`batch.json`."""
 
-    configuration: str  # hash of options and code
+    configuration: str  # hash of options, code and files that options name
     code: str  # version and commit
     logs: str  # the folder that was searched
     digest: str = ""  # of the code; earlier versions wrote none
+    files: str = ""  # digest of mask and map; empty without them
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,8 @@ class Batch:
 
     def expect_same_code(self) -> None:
         """Raises:
-        OtherPlanError: this code, or the file with the options, differs from that of the plan.
+        OtherPlanError: this code, the file with the options, or a file that an option names differs from
+            that of the plan.
         """
         if (digest := code_digest()) != self.about.digest:
             raise OtherPlanError(
@@ -150,9 +153,20 @@ class Batch:
             raise OtherPlanError(
                 f"{self.config}: {error.strerror}: expected the options of the plan, or a new plan"
             ) from None
-        if _digest(f"{digest}\n{text}") != self.about.configuration:
+        if _digest(f"{digest}\n{text}{self.about.files}") != self.about.configuration:
             raise OtherPlanError(
                 f"{self.config}: has changed since hsslam-batch plan: expected a new plan for other options"
+            )
+        try:
+            files = named_files_digest(text)
+        except OSError as error:
+            raise OtherPlanError(
+                f"{error.filename}: {error.strerror}: expected the mask and map of the plan, or a new plan"
+            ) from None
+        if files != self.about.files:
+            raise OtherPlanError(
+                f"{self.config}: its mask or map has changed since hsslam-batch plan: expected the same "
+                "files, or a new plan"
             )
 
 
@@ -182,10 +196,12 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
     """Write the configuration: `options` without source and run folder.
 
     Raises:
-        OSError: the folder or the store cannot be written.
+        OSError: the folder or the store cannot be written, or mask or map cannot be seen.
     """
     text, code = config_text(options), code_digest()
-    batch = Batch(out, BatchFile(_digest(f"{code}\n{text}"), code_name(), logs, code), url)
+    files = named_files_digest(text)
+    about = BatchFile(_digest(f"{code}\n{text}{files}"), code_name(), logs, code, files)
+    batch = Batch(out, about, url)
     write_durably(batch.config, text.encode())
     write_durably(out / BATCH_FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
     for name in (MANIFEST, CONFIG_FILE, BATCH_FILE):

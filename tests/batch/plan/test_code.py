@@ -10,9 +10,13 @@ from pathlib import Path
 import pytest
 
 import hsslam_batch
+from hsslam_batch.attempt.commit import commit, settled
 from hsslam_batch.plan.batch import OtherPlanError, read_batch
 from hsslam_batch.plan.code import sources_digest
-from tests.batch.outcomes import planned
+from hsslam_batch.plan.command import plan_command
+from hsslam_batch.plan.log import read_manifest
+from hsslam_bench.batch.small_log import write_small_log
+from tests.batch.outcomes import outcome, planned, run_folder
 from tests.repository import ROOT
 
 
@@ -62,3 +66,39 @@ def test_options_that_were_edited_after_the_plan_are_not_those_of_its_hash(tmp_p
     batch.config.unlink()
     with pytest.raises(OtherPlanError, match=r"config\.toml: No such file"):
         batch.expect_same_code()
+
+
+@pytest.mark.parametrize("option", ["mask", "map"])
+@pytest.mark.parametrize("is_folder", [False, True], ids=["file", "folder"])
+def test_results_of_another_mask_or_map_do_not_count(tmp_path: Path, option: str, is_folder: bool):
+    """Its path is the same, its content is drawn or made anew."""
+    write_small_log(tmp_path / "logs" / "log0", count=1)
+    file = tmp_path / "named" / "map.safetensors"
+    file.parent.mkdir()
+    file.write_bytes(b"before")
+    named = file.parent if is_folder else file
+    words = [str(tmp_path / "logs"), "--out", str(tmp_path / "out"), f"--{option}", str(named)]
+    plan_command(words)
+    batch = read_batch(str(tmp_path / "out"))
+    (log,) = read_manifest(batch.out)
+    commit(batch, outcome(batch, 0, id=log.id), run_folder(batch, 0))
+    plan_command(words)
+    assert read_batch(batch.place) == batch and settled(batch, log.id)
+    batch.expect_same_code()
+
+    file.write_bytes(b"after")
+    with pytest.raises(
+        OtherPlanError, match=r"its mask or map has changed since hsslam-batch plan"
+    ):
+        batch.expect_same_code()
+    plan_command(words)
+    other = read_batch(batch.place)
+    assert other.about.configuration != batch.about.configuration
+    assert settled(other, log.id) is None
+    other.expect_same_code()
+    file.unlink()
+    file.parent.rmdir()
+    with pytest.raises(
+        OtherPlanError, match="No such file or directory: expected the mask and map"
+    ):
+        other.expect_same_code()
