@@ -46,23 +46,28 @@ def judged(
     return "done", ""
 
 
-def judged_frames(summary: dict[str, Any], expected: int) -> tuple[Kind, str]:
-    """Done if a run has a pose message for each frame of its log, except bad frames; else a crash."""
+def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, str]:
+    """Done if a run has a pose message for each frame of its log, except bad frames; else a crash.
+
+    `expected`: frames of the log; None: not known, so that each frame that was sent needs a pose message.
+    """
     frames = summary.get("frames", {})
     done, sent = frames.get("tracked", 0) + frames.get("lost", 0), frames.get("in", 0)
+    if expected is None:
+        expected = max(sent, 1) + frames.get("bad", 0)
     if done != sent or sent + frames.get("bad", 0) != expected:
         return "crash", f"{done} of {expected} frames have a pose, {sent} were sent"
     return "done", ""
 
 
-def selected_frames(batch: Batch, source: str) -> int:
-    """Number of frames of a source that a run uses.
+def selected_frames(batch: Batch, source: str) -> int | None:
+    """Number of frames of a source that a run uses; None: not known before the run.
 
     Raises:
         UserError: the log is missing or not readable.
     """
     options = parse_command_line(["--config", str(batch.config)]).source_options
-    return open_any_source(source, options).frame_count or 0
+    return open_any_source(source, options).frame_count
 
 
 def last_words(output: Path) -> str:

@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
-from hsslam_batch.attempt.judgement import judged, last_words
+import pytest
+
+from hsslam_batch.attempt.judgement import judged, judged_frames, last_words
+from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 
 _NO_ROOM = "map not saved: /fleet/out/map.safetensors: No space left on device"
@@ -18,6 +21,23 @@ def test_what_is_not_saved_is_told_without_the_memory_that_the_batch_frees(tmp_p
     end = End(code=4, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
     kind, reason = judged(end, Limits(), last_words(output))
     assert kind == "crash" and reason.endswith(_NO_ROOM)
+
+
+@pytest.mark.parametrize(
+    ("frames", "expected", "kind"),
+    [
+        ({"in": 20, "tracked": 18, "lost": 2}, 20, "done"),
+        ({"in": 19, "bad": 1, "tracked": 19}, 20, "done"),
+        ({"in": 19, "tracked": 19}, 20, "crash"),
+        ({"in": 20, "tracked": 19}, 20, "crash"),
+        ({"in": 20, "tracked": 18, "lost": 2}, None, "done"),  # of a source without a length
+        ({"in": 19, "bad": 1, "tracked": 19}, None, "done"),
+        ({"in": 20, "tracked": 19}, None, "crash"),
+        ({}, None, "crash"),
+    ],
+)
+def test_each_frame_needs_a_pose(frames: dict[str, int], expected: int | None, kind: Kind):
+    assert judged_frames({"frames": frames}, expected)[0] == kind
 
 
 def test_the_last_line_is_the_reason_without_status_lines(tmp_path: Path):

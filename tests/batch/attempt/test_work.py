@@ -21,11 +21,38 @@ from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import MORE_SHARED_MEMORY
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.in_process import run_main
+from tests.services.run.installed_package import install
 from tests.services.serve_process import QUICK
 from tests.services.small_shared_memory import with_shared_memory
 
 pytestmark = pytest.mark.e2e
 _LONG_S = 900  # on a machine that does other things
+_LAZY = """
+from pathlib import Path
+from hsslam_node.sources.source_row import SourceRow, has_suffix
+
+ROW = SourceRow(
+    kind="lazy",
+    examples=("lazy:FILE",),
+    brief="a stream without an index",
+    about="a stream without an index",
+    opener="hsslam_lazy:Lazy",
+    looks_like=has_suffix(".lazy"),
+)
+
+
+class Lazy:
+    def __init__(self, name, options):
+        from hsslam_services.log.reading.source import McapSource
+
+        self._log = McapSource(Path(name).read_text(), options)
+        self.name, self.rate_hz, self.camera = name, self._log.rate_hz, self._log.camera
+        self.depth_units_per_m = self._log.depth_units_per_m
+        self.frame_count = None
+
+    def frames(self, first=0):
+        return self._log.frames(first)
+"""
 
 
 @pytest.fixture
@@ -151,3 +178,19 @@ def test_a_machine_without_shared_memory_is_not_the_fault_of_the_log(batch: Batc
     assert f"{log.name}: crash: " in done.stderr and MORE_SHARED_MEMORY in done.stderr
     row = settled(batch, log.id)
     assert row and row.kind == "crash" and may_try_again(row, retries=2)
+
+
+def test_a_source_of_a_plugin_without_a_length_becomes_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    install(tmp_path / "site", "hsslam-lazy", {"hsslam_lazy": _LAZY}, {"lazy": "hsslam_lazy:ROW"})
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
+    log = write_small_log(tmp_path / "elsewhere")
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "a.lazy").write_text(str(log.parent))
+    out = str(tmp_path / "out")
+    plan = [sys.executable, "-m", "hsslam_batch", "plan", str(tmp_path / "logs"), "--out", out]
+    said = subprocess.run([*plan, *QUICK], check=True, capture_output=True, text=True).stdout
+    assert "1 of them: number of frames not known before the run" in said
+    done = _work(read_batch(out), "--index", "0")
+    assert (done.returncode, done.stdout) == (0, "a.lazy: done, 6 of 6 frames tracked\n"), done
