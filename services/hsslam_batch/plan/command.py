@@ -16,6 +16,7 @@ from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import write_manifest
 from hsslam_batch.plan.remote_listing import is_url, list_url
+from hsslam_batch.plan.unplanned_results import unplanned_results
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
@@ -60,6 +61,7 @@ def plan_command(args: Sequence[str]) -> None:
         with alone(out, place):
             write_manifest(out, logs)
             batch = write_batch(out, serve, options.logs, url)
+            unplanned = unplanned_results(batch, logs)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"--out {place}: {reason}: expected a folder that can be written") from None
@@ -67,6 +69,8 @@ def plan_command(args: Sequence[str]) -> None:
     print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
     if unknown := sum(not log.frames for log in logs):
         print(f"{unknown} of them: number of frames not known before the run")
+    if unplanned.count:
+        print(unplanned.line())
     about = batch.about
     print(f"configuration {about.configuration}, code {about.code} ({about.digest})")
     print(f"next: hsslam-batch run {shlex.quote(options.out)}")

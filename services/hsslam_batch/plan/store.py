@@ -89,6 +89,23 @@ class Store:
         found = self._tried(folder, find)
         return {name.removeprefix(f"{path}/"): int(about["size"]) for name, about in found.items()}
 
+    def folders(self, folder: str) -> list[str]:
+        """Names of the folders in a folder, in one listing of this folder alone; empty without any."""
+        path = self._path(folder)
+
+        def listed() -> list[dict[str, Any]]:
+            self._files.invalidate_cache()
+            with contextlib.suppress(FileNotFoundError):
+                return self._files.ls(path, detail=True)
+            return []
+
+        found = self._tried(folder, listed)
+        return sorted(
+            one["name"].rstrip("/").rpartition("/")[2]
+            for one in found
+            if one["type"] == "directory"
+        )
+
     def remove(self, names: Iterable[str]) -> None:
         """Remove files; ignores those that do not exist."""
         for name in names:
