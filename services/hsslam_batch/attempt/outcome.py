@@ -25,6 +25,7 @@ class Outcome(msgspec.Struct, frozen=True):
     exit_code: int | None = None
     node: str = ""
     code: str = ""
+    retries: int = 0  # most attempts after the first, of the command that made this one
     started_ns: int = 0  # wall clock
     fetch_s: float = 0.0  # to fetch the log, if it is in a store
     wall_s: float = 0.0  # of the run
@@ -43,6 +44,11 @@ class Outcome(msgspec.Struct, frozen=True):
     def is_done(self) -> bool:
         """Whether the results count."""
         return self.kind == "done"
+
+    @property
+    def is_left(self) -> bool:
+        """Whether the command that made this attempt makes a further one."""
+        return may_try_again(self, self.retries)
 
 
 class Frames(msgspec.Struct, frozen=True, tag="frames"):

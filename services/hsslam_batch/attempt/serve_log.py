@@ -182,6 +182,7 @@ def _outcome(batch: Batch, log: Log, terms: Terms, end: End, **found) -> Outcome
         name=log.name,
         configuration=batch.about.configuration,
         attempt=terms.attempt,
+        retries=terms.retries,
         exit_code=end.code,
         node=platform.node(),
         code=batch.about.code,

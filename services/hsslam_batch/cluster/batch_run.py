@@ -99,6 +99,7 @@ class BatchRun:
             name=log.name,
             configuration=self.batch.about.configuration,
             attempt=one.attempt,
+            retries=self.retries,
             kind="lost" if result.is_lost else "crash",
             reason=result.trouble,
             code=self.batch.about.code,

@@ -23,7 +23,8 @@ def status_command(args: Sequence[str]) -> int:
     options = parse_options(StatusOptions, "hsslam-batch status", args)
     batch = read_batch(options.out)
     logs = read_manifest(batch.out)
-    rows = all_settled(batch, logs)
+    found = all_settled(batch, logs)
+    rows = {log_id: outcome for log_id, outcome in found.items() if not outcome.is_left}
     counts: Counter[str] = Counter()
     frames = 0
     for log in logs:
