@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from hsslam_node.errors import UserError
 
-_MOST = 1e6  # cores, GB, ratio
+_MOST = 1e6  # cores, GB, ratio, s of patience
 _LEAST_CPUS = 1e-4  # Ray counts no smaller parts of a core
 
 
@@ -46,7 +46,11 @@ class WorkOptions:
 
     POSITIONALS: ClassVar = ("out",)
     VALUES: ClassVar = {"out": "FOLDER", "id": "ID", "scratch": "FOLDER"}
-    ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
+    ALIASES: ClassVar = {
+        "timeout_s": "--timeout",
+        "memory_gb": "--memory",
+        "patience_s": "--patience",
+    }
 
     out: str = "."
     """Folder of the batch, or URL as s3://BUCKET/BATCH."""
@@ -66,6 +70,8 @@ class WorkOptions:
     """Folder for fetched logs (none: .work in the batch)."""
     fetch_gb: float = 100.0
     """Largest log to fetch, GB."""
+    patience_s: float = 300.0
+    """How long an attempt waits for a store that fails, s."""
     json: bool = False
     """Print frames and result as lines of JSON."""
     tied: bool = False
@@ -78,10 +84,14 @@ class WorkOptions:
             raise UserError(f"--attempt {self.attempt}: expected 1 or more")
         if self.retries < 0:
             raise UserError(f"--retries {self.retries}: expected 0 or more")
-        _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb)
+        _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb, self.patience_s)
 
 
-def _expect_limits(timeout_s: float | None, memory_gb: float | None, fetch_gb: float) -> None:
+def _expect_limits(
+    timeout_s: float | None, memory_gb: float | None, fetch_gb: float, patience_s: float
+) -> None:
+    if not 0 <= patience_s < _MOST:
+        raise UserError(f"--patience {patience_s:g}: expected seconds, 0 or more")
     if not 0 < fetch_gb < _MOST:
         raise UserError(f"--fetch-gb {fetch_gb:g}: expected GB, above 0")
     if timeout_s is not None and not timeout_s > 0:
@@ -125,7 +135,11 @@ class RunOptions:
         "metrics_file": "FILE",
         "address": "local|auto|HOST:PORT|ray://HOST:PORT",
     }
-    ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
+    ALIASES: ClassVar = {
+        "timeout_s": "--timeout",
+        "memory_gb": "--memory",
+        "patience_s": "--patience",
+    }
 
     out: str = "."
     """Folder of the batch (the same path on every machine of a cluster), or URL as s3://BUCKET/BATCH."""
@@ -143,6 +157,8 @@ class RunOptions:
     """Folder for fetched logs on each node (none: .work in the batch)."""
     fetch_gb: float = 100.0
     """Largest log to fetch, GB."""
+    patience_s: float = 300.0
+    """How long an attempt waits for a store that fails, s."""
     parallel: int | None = None
     """Run at most N logs at once (none: as many as fit)."""
     failed: bool = False
@@ -165,7 +181,7 @@ class RunOptions:
             )
         if self.parallel is not None and self.parallel < 1:
             raise UserError(f"--parallel {self.parallel}: expected 1 or more")
-        _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb)
+        _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb, self.patience_s)
 
 
 @dataclass(frozen=True)

@@ -50,10 +50,12 @@ class Faults:
 
     `of_all`: of those that write, list and remove, too. Of writes that end half-way one in two comes to the
     server whole, and only its answer is lost. `ranges`: the ranges that were asked for, by path, in order.
+    While `away` is positive, requests are refused and it is counted down.
     """
 
-    def __init__(self, every: int, *, of_all: bool = False) -> None:
+    def __init__(self, every: int, *, of_all: bool = False, away: float = 0) -> None:
         self.of_all = of_all
+        self.away = away
         self._lock = threading.Lock()
         self._turns = itertools.cycle(range(2 * every))
         self._every = every
@@ -64,6 +66,10 @@ class Faults:
     def next(self) -> str:
         """What happens to the next request."""
         with self._lock:
+            if self.away > 0:
+                self.away -= 1
+                self.refused += 1
+                return "refuse"
             turn = next(self._turns)
             kind = {self._every - 1: "refuse", 2 * self._every - 1: "break"}.get(turn, "pass")
             self.refused += kind == "refuse"

@@ -8,7 +8,7 @@ import msgspec
 
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.look_up import look_up
-from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome, Refused
+from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome, Refused, Unavailable
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
@@ -32,6 +32,8 @@ def work_command(args: Sequence[str]) -> int:
     try:
         return _work(options)
     except UnavailableError as error:  # not bad input: another attempt or machine may work
+        if options.json:
+            print(msgspec.json.encode(Unavailable(str(error))).decode(), flush=True)
         print(f"error: {error}", file=sys.stderr)
         return _FAILED
     except OtherPlanError as error:  # the log has not failed
@@ -43,9 +45,9 @@ def work_command(args: Sequence[str]) -> int:
 def _work(options: WorkOptions) -> int:
     before = None
     if is_remote := bool(folder_of(options.out)[1]):
-        batch, before = look_up(options.out, options.index)
+        batch, before = look_up(options.out, options.index, options.patience_s)
     else:
-        batch = read_batch(options.out)
+        batch = read_batch(options.out, options.patience_s)
     batch.expect_same_code()
     log = _planned(batch, options)
     if not is_remote:

@@ -1,6 +1,6 @@
 """Fetches a log from a store to this machine, in a process of its own; resumes a fetch that was cut short.
 
-python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB
+python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB PATIENCE_S
 """
 
 import contextlib
@@ -29,8 +29,9 @@ _LOCK = ".lock"
 def main() -> int:
     """Fetch a log; exit code 0 if it is complete, 2 if it is too large or differs from the plan, 1 if the
     store or the disk fails."""
-    out, index, folder, most_gb = sys.argv[1:]
-    return exit_code(lambda: _fetch(out, int(index), Path(folder), float(most_gb)))
+    out, index, folder, most_gb, patience_s = sys.argv[1:]
+    log = (out, int(index))
+    return exit_code(lambda: _fetch(*log, Path(folder), float(most_gb), float(patience_s)))
 
 
 def fetched_place(folder: Path, log: Log) -> Path:
@@ -44,12 +45,12 @@ def remove_fetched(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
+def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -> None:
     """Fetch all files of a log, except those that are already complete.
 
     Raises:
         UserError: the log is larger than `most_gb`, or has changed since the plan.
-        OSError: the store fails at every try, or the disk has too little space.
+        OSError: the store fails at every try in `patience_s`, or the disk has too little space.
     """
     if log.nbytes > 1e9 * most_gb:
         raise UserError(
@@ -57,7 +58,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
         )
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder):
-        listing = asked_listing(log.place)
+        listing = asked_listing(log.place, patience_s=patience_s)
         files = planned_files(listing, log)
         _expect_room(folder, log)
         store, _ = open_store(log.place)
@@ -70,6 +71,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
                     f"{listing.root}/{name}",
                     base / name,
                     listing.files[name].nbytes,
+                    patience_s,
                 )
                 for name in files
             ]
@@ -77,11 +79,11 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
                 one.result()
 
 
-def _fetch(out: str, index: int, folder: Path, most_gb: float) -> None:
-    fetch_log(read_manifest(read_batch(out).out)[index], folder, most_gb)
+def _fetch(out: str, index: int, folder: Path, most_gb: float, patience_s: float) -> None:
+    fetch_log(read_manifest(read_batch(out).out)[index], folder, most_gb, patience_s)
 
 
-def _fetch_file(store: Any, url: str, target: Path, nbytes: int) -> None:
+def _fetch_file(store: Any, url: str, target: Path, nbytes: int, patience_s: float) -> None:
     """Fetch one file part by part; a complete file gets its final name."""
     if target.exists() and target.stat().st_size == nbytes:
         return
@@ -90,15 +92,16 @@ def _fetch_file(store: Any, url: str, target: Path, nbytes: int) -> None:
     with partial.open("ab") as stream:
         while stream.tell() < nbytes:
             first = stream.tell()
-            stream.write(_part(store, url, first, min(first + _PART_BYTES, nbytes)))
+            end = min(first + _PART_BYTES, nbytes)
+            stream.write(_part(store, url, first, end, patience_s))
     partial.replace(target)
 
 
-def _part(store: Any, url: str, first: int, end: int) -> bytes:
+def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> bytes:
     """At least one byte from `first` on, at most those before `end`.
 
     Raises:
-        OSError: the store fails at every try.
+        OSError: the store fails at every try in `patience_s`.
     """
 
     def some() -> bytes:
@@ -107,7 +110,7 @@ def _part(store: Any, url: str, first: int, end: int) -> bytes:
             raise OSError(f"no answer for bytes {first} to {end}")
         return data
 
-    return tried(url, some)
+    return tried(url, some, patience_s)
 
 
 def _expect_room(folder: Path, log: Log) -> None:

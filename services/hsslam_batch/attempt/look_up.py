@@ -1,6 +1,6 @@
 """Reads the row of a log from a store, in a process of its own: fsspec runs a thread, a watcher must not.
 
-python -m hsslam_batch.attempt.look_up OUT INDEX
+python -m hsslam_batch.attempt.look_up OUT INDEX PATIENCE_S
 """
 
 import subprocess
@@ -20,29 +20,32 @@ _UNAVAILABLE = 3
 
 def main() -> int:
     """Copy the plan to this machine and print the row of a log, or null; exit code 3 if the store fails."""
-    out, index = sys.argv[1:]
-    return exit_code(lambda: _look_up(out, int(index)))
+    out, index, patience_s = sys.argv[1:]
+    return exit_code(lambda: _look_up(out, int(index), float(patience_s)))
 
 
-def look_up(out: str, index: int) -> tuple[Batch, Outcome | None]:
+def look_up(out: str, index: int, patience_s: float) -> tuple[Batch, Outcome | None]:
     """The batch of a URL, with its plan on this machine, and the row of a log (None: no row or no such log).
+
+    `patience_s`: how long to wait for a store that fails.
 
     Raises:
         UserError: the URL has no batch.
         UnavailableError: the store fails.
     """
-    command = [sys.executable, "-P", "-m", "hsslam_batch.attempt.look_up", out, str(index)]
+    command = [sys.executable, "-P", "-m", "hsslam_batch.attempt.look_up"]
+    command += [out, str(index), str(patience_s)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode:
         words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
         refusal = UnavailableError if done.returncode == _UNAVAILABLE else UserError
         raise refusal(words[-1].removeprefix("error: "))
-    return mirrored_batch(out), msgspec.json.decode(done.stdout, type=Outcome | None)
+    return mirrored_batch(out, patience_s), msgspec.json.decode(done.stdout, type=Outcome | None)
 
 
-def _look_up(out: str, index: int) -> int:
+def _look_up(out: str, index: int, patience_s: float) -> int:
     try:
-        batch = read_batch(out)
+        batch = read_batch(out, patience_s)
         logs = read_manifest(batch.out)[index : index + 1]
         with batch.expect_writable():
             found = [settled(batch, log.id) for log in logs]

@@ -6,14 +6,15 @@ from typing import Any, Literal
 
 import msgspec
 
-Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost"]
+Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost", "unavailable"]
 
 
 class Outcome(msgspec.Struct, frozen=True):
     """One attempt; the last attempt at a log is its row in `runs.parquet`. None: not known.
 
     `reason`: one line if it failed. `kind`: `bad input` (exit code 2), `crash` (another code or a signal),
-    `timeout`, `memory` (it used more than the limit), `lost` (its machine or worker died).
+    `timeout`, `memory` (it used more than the limit), `lost` (its machine or worker died), `unavailable` (a
+    store or a disk failed, so that the log could not be fetched or its result not written).
     """
 
     id: str
@@ -47,8 +48,9 @@ class Outcome(msgspec.Struct, frozen=True):
 
     @property
     def is_left(self) -> bool:
-        """Whether the command that made this attempt makes a further one."""
-        return may_try_again(self, self.retries)
+        """Whether the command that made this attempt makes a further one, or the next `run` does: a store
+        that failed says nothing about the log."""
+        return self.kind == "unavailable" or may_try_again(self, self.retries)
 
 
 class Frames(msgspec.Struct, frozen=True, tag="frames"):
@@ -69,7 +71,13 @@ class Refused(msgspec.Struct, frozen=True, tag="refused"):
     reason: str
 
 
-Line = Frames | Ended | Refused
+class Unavailable(msgspec.Struct, frozen=True, tag="unavailable"):
+    """The attempt has no outcome, as the folder or the store of the batch fails; a line of JSON."""
+
+    reason: str
+
+
+Line = Frames | Ended | Refused | Unavailable
 """What `hsslam-batch work --json` prints."""
 
 
@@ -78,7 +86,12 @@ def may_try_again(outcome: Outcome, retries: int) -> bool:
 
     Bad input and too little memory fail again, so they get none; a time-out gets one.
     """
-    most = {"crash": retries, "lost": retries, "timeout": min(1, retries)}
+    most = {
+        "crash": retries,
+        "lost": retries,
+        "unavailable": retries,
+        "timeout": min(1, retries),
+    }
     return outcome.attempt <= most.get(outcome.kind, 0)
 
 

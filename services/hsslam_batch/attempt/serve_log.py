@@ -123,6 +123,8 @@ def _attempt(
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
         kind, reason = judged(end, terms.limits, last_words(place.output), _FETCH_CODES)
+        if kind == "crash" and end.code in _FETCH_CODES:
+            kind = "unavailable"
         if kind != "done":
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
             if may_try_again(outcome, terms.retries):
@@ -160,7 +162,8 @@ def serve_command(batch: Batch, log: Log, run_dir: Path) -> list[str]:
 def fetch_command(batch: Batch, log: Log, folder: Path, most_gb: float) -> list[str]:
     """The command line that fetches a log into a folder of this machine."""
     fetch = [sys.executable, "-P", "-m", "hsslam_batch.attempt.fetch"]
-    return [*fetch, str(batch.out), str(log.index), str(folder), str(most_gb)]
+    words = (batch.out, log.index, folder, most_gb, batch.patience_s)
+    return [*fetch, *map(str, words)]
 
 
 def _watched(

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import msgspec
+
 from hsslam_batch.attempt.commit import settle_failed, settled
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
 from hsslam_batch.cluster.board import Running
@@ -14,6 +16,8 @@ from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, OtherPlanError
 from hsslam_batch.plan.log import Log
 from hsslam_batch.results.progress import BatchProgress
+
+_MOST_UNAVAILABLE = 3  # logs, one after the other
 
 
 class Watched(Protocol):
@@ -50,14 +54,13 @@ class BatchRun:
     progress: BatchProgress
     stop: Stop
     _is_closed: bool = field(default=False, init=False)
+    _unavailable: int = field(default=0, init=False)  # logs that ended so, one after the other
 
     def judge(self, one: Try, result: TaskResult) -> Try | None:
         """Record the outcome of an attempt; returns the next attempt if the log gets one.
 
-        If the log could not start, no other log starts.
-
-        Raises:
-            OSError: the folder of the batch cannot be written.
+        If the log could not start, no other log starts; likewise once a store or a disk has failed for the
+        last attempts at three logs one after the other. These logs are left.
         """
         trouble = self._other_code(result) if result.is_begun else result.trouble
         if trouble or not result.is_begun:
@@ -67,8 +70,14 @@ class BatchRun:
             return None
         outcome = result.outcome or self._without_result(one, result)
         if may_try_again(outcome, self.retries):
+            if outcome.kind != "unavailable":
+                self._unavailable = 0
             self.progress.tried_again(outcome)
             return Try(one.index, one.attempt + 1, result.node_id)
+        if outcome.kind == "unavailable":
+            self._leave(outcome)
+            return None
+        self._unavailable = 0
         self.progress.settled(outcome)
         return None
 
@@ -81,10 +90,21 @@ class BatchRun:
         running = self.pool.running().items()
         self.progress.look({self.logs[index].id: now.frames for index, now in running})
 
+    def _leave(self, outcome: Outcome) -> None:
+        """Leave a log to the next `run`; ask the batch to stop if the logs before it have ended so, too."""
+        self.progress.left(outcome)
+        self._unavailable += 1
+        if self._unavailable >= _MOST_UNAVAILABLE and not self.stop.is_asked():
+            self.progress.say(
+                f"error: {self._unavailable} logs one after the other could not be fetched, or their results "
+                "not written: expected stores and disks that work"
+            )
+            self.stop.ask()
+
     def _other_code(self, result: TaskResult) -> str:
         """Why an attempt without an outcome is no failure of its log: its code was edited after the plan;
         empty if the code is the same."""
-        if result.outcome is None and not result.is_lost:
+        if result.outcome is None and not result.is_lost and not result.is_unavailable:
             try:
                 self.batch.expect_same_code()
             except OtherPlanError as error:
@@ -92,7 +112,7 @@ class BatchRun:
         return ""
 
     def _without_result(self, one: Try, result: TaskResult) -> Outcome:
-        """The row of an attempt that has not written one."""
+        """The row of an attempt that has not written one; `unavailable` if it cannot be written now."""
         log = self.logs[one.index]
         outcome = Outcome(
             id=log.id,
@@ -100,13 +120,19 @@ class BatchRun:
             configuration=self.batch.about.configuration,
             attempt=one.attempt,
             retries=self.retries,
-            kind="lost" if result.is_lost else "crash",
+            kind="unavailable" if result.is_unavailable else "lost" if result.is_lost else "crash",
             reason=result.trouble,
             code=self.batch.about.code,
             started_ns=time.time_ns(),
         )
-        settle_failed(self.batch, outcome)
-        return settled(self.batch, log.id) or outcome  # it may have committed before it died
+        if result.is_unavailable:
+            return outcome  # the next attempt first reads the row
+        try:
+            settle_failed(self.batch, outcome)
+            return settled(self.batch, log.id) or outcome  # it may have committed before it died
+        except OSError as error:
+            reason = f"{result.trouble}; not written: {error.strerror or error}"
+            return msgspec.structs.replace(outcome, kind="unavailable", reason=reason)
 
 
 def work_words(batch: Batch, logs: Sequence[Log], options: RunOptions, one: Try) -> list[str]:
@@ -119,6 +145,7 @@ def work_words(batch: Batch, logs: Sequence[Log], options: RunOptions, one: Try)
         "--timeout": options.timeout_s,
         "--scratch": options.scratch,
         "--fetch-gb": options.fetch_gb,
+        "--patience": options.patience_s,
     }
     for flag, value in given.items():
         words += [] if value is None else [flag, str(value)]

@@ -14,7 +14,7 @@ from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.task import perform
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch, OtherPlanError, read_batch
+from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, read_batch
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.metrics import MetricsFile
@@ -30,13 +30,21 @@ _INTERRUPTED, _FAILED = 1, 3
 
 
 def run_command(args: Sequence[str]) -> int:
-    """Run all logs that are left; returns the exit code.
+    """Run all logs that are left; returns the exit code, 1 if the folder or the store of the batch fails.
 
     Raises:
-        UserError: the folder has no batch, the code differs from the plan, no Ray at the address, another run
-            or plan of this batch is running, or the folder is not writable.
+        UserError: the folder has no batch, the code differs from the plan, no Ray at the address, or another
+            run or plan of this batch is running.
     """
     options = parse_options(RunOptions, "hsslam-batch run", args)
+    try:
+        return _run_all(options)
+    except UnavailableError as error:  # not bad input: the same command may work later
+        print(f"error: {error}", file=sys.stderr)
+        return _INTERRUPTED
+
+
+def _run_all(options: RunOptions) -> int:
     batch = read_batch(options.out)
     logs = read_manifest(batch.out)
     rows = all_settled(batch, logs)
@@ -81,9 +89,13 @@ def _write_metrics(path: Path | None, batch: Batch, tally: Tally) -> None:
 def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
     """The logs that are left, in the order of the manifest, each with the number of its next attempt."""
     for index, outcome in found.items():
-        if outcome is None or (options.failed and not outcome.is_done):
+        if outcome is None or outcome.kind == "unavailable":
+            yield Try(index)  # a store that failed says nothing about the log
+        elif outcome.is_done:
+            continue
+        elif options.failed:
             yield Try(index)
-        elif not outcome.is_done and may_try_again(outcome, options.retries):
+        elif may_try_again(outcome, options.retries):
             yield Try(index, outcome.attempt + 1)
 
 

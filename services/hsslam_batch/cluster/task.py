@@ -12,20 +12,21 @@ from typing import Any
 
 import msgspec
 
-from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome, Refused
+from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome, Refused, Unavailable
 
 
 class TaskResult(msgspec.Struct, frozen=True):
     """The result of a task: an outcome, or why there is none.
 
     `is_begun`: False if the batch is stopping, or if the command refused the log (`trouble`). `is_lost`: its
-    worker or machine died. `node_id`: Ray's id.
+    worker or machine died. `is_unavailable`: folder or store of the batch failed. `node_id`: Ray's id.
     """
 
     outcome: Outcome | None = None
     trouble: str = ""
     is_begun: bool = True
     is_lost: bool = False
+    is_unavailable: bool = False
     node_id: str = ""
 
 
@@ -42,7 +43,7 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
     node_id = ray.get_runtime_context().get_node_id()
     if not ray.get(board.begin.remote(index, node_id)):
         return TaskResult(is_begun=False)
-    outcome, refusal = None, ""
+    outcome, refusal, lack = None, "", ""
     with tempfile.TemporaryFile() as stderr:  # a pipe that is not read would stop the process
         process = subprocess.Popen(
             command,
@@ -60,6 +61,8 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
                     outcome = found
                 case Refused(reason):
                     refusal = reason
+                case Unavailable(reason):
+                    lack = reason
         code = process.wait()
         stderr.seek(0)
         words = stderr.read().decode(errors="replace").strip().splitlines()
@@ -67,6 +70,8 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
         return TaskResult(outcome, node_id=node_id)
     if refusal:
         return TaskResult(trouble=refusal, is_begun=False, node_id=node_id)
+    if lack:
+        return TaskResult(trouble=lack, is_unavailable=True, node_id=node_id)
     how = f"exit code {code}" if code >= 0 else f"signal {-code}"
     last = words[-1].removeprefix("error: ") if words else "no message"
     return TaskResult(trouble=f"hsslam-batch work ended with {how}: {last}", node_id=node_id)

@@ -16,7 +16,7 @@ import contextlib
 import functools
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -58,11 +58,15 @@ class BatchFile(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Batch:
-    """A planned batch. `out`: its folder on this machine; `url`: the store for results, empty without one."""
+    """A planned batch. `out`: its folder on this machine; `url`: the store for results, empty without one.
+
+    `patience_s`: how long this process waits for a store that fails.
+    """
 
     out: Path
     about: BatchFile
     url: str = ""
+    patience_s: float = field(default=0.0, compare=False)
 
     @property
     def place(self) -> str:
@@ -81,7 +85,7 @@ class Batch:
         Raises:
             UserError: unknown kind of URL, or its package is missing.
         """
-        return Store(self.url) if self.url else None
+        return Store(self.url, self.patience_s) if self.url else None
 
     def name(self, path: Path) -> str:
         """The name in the store of a path of the folder."""
@@ -209,7 +213,7 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
     return batch
 
 
-def read_batch(out: str) -> Batch:
+def read_batch(out: str, patience_s: float = 0.0) -> Batch:
     """The batch of a folder or URL; copies the plan of a URL to this machine.
 
     Raises:
@@ -218,17 +222,17 @@ def read_batch(out: str) -> Batch:
     """
     folder, url = folder_of(out)
     if url:
-        _copy_plan(Store(url), folder)
-    return _batch_in(folder, url)
+        _copy_plan(Store(url, patience_s), folder)
+    return _batch_in(folder, url, patience_s)
 
 
-def mirrored_batch(out: str) -> Batch:
+def mirrored_batch(out: str, patience_s: float) -> Batch:
     """The batch of a URL from the copy of its plan on this machine; makes no request to the store.
 
     Raises:
         UserError: this machine has no copy of the plan.
     """
-    return _batch_in(*folder_of(out))
+    return _batch_in(*folder_of(out), patience_s)
 
 
 def _copy_plan(store: Store, folder: Path) -> None:
@@ -252,7 +256,7 @@ def _copy_plan(store: Store, folder: Path) -> None:
         ) from None
 
 
-def _batch_in(out: Path, url: str) -> Batch:
+def _batch_in(out: Path, url: str, patience_s: float) -> Batch:
     try:
         about = msgspec.json.decode((out / BATCH_FILE).read_bytes(), type=BatchFile)
     except OSError as error:
@@ -263,4 +267,4 @@ def _batch_in(out: Path, url: str) -> Batch:
         raise UserError(
             f"{out / BATCH_FILE}: {error}: expected a file of hsslam-batch plan"
         ) from None
-    return Batch(out, about, url)
+    return Batch(out, about, url, patience_s)

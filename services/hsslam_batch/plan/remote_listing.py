@@ -43,17 +43,17 @@ def list_url(url: str, without: str = "") -> Listing:
         raise UserError(f"{told}: expected a URL that can be read") from None
 
 
-def asked_listing(url: str, without: str = "") -> Listing:
+def asked_listing(url: str, without: str = "", patience_s: float = 0.0) -> Listing:
     """All files below a URL, except hidden ones and those below `without`; for a file, that file alone.
 
     An object whose name ends in `/` marks a folder, as the consoles of stores make it; it is no file.
 
     Raises:
         UserError: there are no files.
-        OSError: the store refuses the request or fails at every try.
+        OSError: the store refuses the request, or fails at every try in `patience_s`.
     """
     store, path = open_store(url)
-    found = tried(url, lambda: store.find(path, detail=True))
+    found = tried(url, lambda: store.find(path, detail=True), patience_s)
     root, prefix, alone = url.rstrip("/"), f"{path}/", ""
     own = _below(without, store, prefix)
     if set(found) == {path}:

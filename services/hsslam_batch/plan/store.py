@@ -18,14 +18,15 @@ _Answer = TypeVar("_Answer")
 class Store:
     """A folder of a store; names are paths below it.
 
-    All methods raise OSError if the store refuses a request or fails at every try.
+    All methods raise OSError if the store refuses a request, or fails at every try in `patience_s`.
 
     Raises:
         UserError: unknown kind of URL, or its package is missing.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, patience_s: float = 0.0) -> None:
         self.url = url.rstrip("/")
+        self._patience_s = patience_s
         self._files, self._root = open_store(url)
 
     def read(self, name: str) -> bytes:
@@ -119,4 +120,4 @@ class Store:
         return f"{self._root}/{name}"
 
     def _tried(self, name: str, request: Callable[[], _Answer]) -> _Answer:
-        return tried(f"{self.url}/{name}", request)
+        return tried(f"{self.url}/{name}", request, self._patience_s)

@@ -90,6 +90,11 @@ class BatchProgress:
         if not outcome.is_done:
             self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
 
+    def left(self, outcome: Outcome) -> None:
+        """Record a log whose last attempt has ended without a row, so that the next `run` takes it."""
+        self._write("left", outcome)
+        self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
+
     def tried_again(self, outcome: Outcome) -> None:
         """Record a failed attempt whose log is tried again."""
         self.tally.tried_again += 1

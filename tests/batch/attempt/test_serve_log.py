@@ -7,10 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, place_of, serve_log
 from hsslam_batch.attempt.watched_process import Limits
+from hsslam_batch.cluster.command import waiting_tries
+from hsslam_batch.cluster.drive import Try
+from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log, read_manifest, write_manifest
+from hsslam_batch.results.status import status_command
+from tests.batch.object_store import reach
 from tests.batch.outcomes import planned
 
 
@@ -59,6 +65,22 @@ def test_bad_input_leaves_nothing_and_no_batch_takes_the_fetch_of_another(tmp_pa
     outcome = serve_log(batch, log, terms)
     assert outcome.kind == "bad input" and "(--fetch-gb)" in outcome.reason
     assert list(scratch.iterdir()) == [of_other] != [folder]
+
+
+def test_a_log_that_a_store_does_not_give_has_not_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """No attempt at it is left, but the next `run` takes it again."""
+    batch, log = _in_store(tmp_path / "out")
+    reach("http://127.0.0.1:9", monkeypatch)
+    outcome = serve_log(batch, log, Terms(1, 0, Limits(), tmp_path / "scratch"))
+    assert outcome.kind == "unavailable"
+    assert outcome.reason.startswith("exit code 1 (the log could not be fetched); ")
+    assert " s3://fleet/log0: Could not connect" in outcome.reason
+    assert settled(batch, log.id) == outcome
+    assert status_command([str(batch.out)]) == 1
+    assert "0 failed, 1 left" in capsys.readouterr().out
+    assert list(waiting_tries({0: outcome}, RunOptions())) == [Try(0)]
 
 
 @pytest.mark.alone

@@ -131,6 +131,23 @@ def test_what_was_uploaded_in_part_does_not_count(plan, server, monkeypatch):
     assert not left.keys() & _objects(server, batch, "runs/").keys()
 
 
+def test_an_attempt_waits_for_a_store_that_is_away(plan, server, monkeypatch):
+    """A run of hours is not lost to a store that fails for longer than a request of a user may take."""
+    planned = plan()
+    monkeypatch.setattr(tried, "_LONGEST_WAIT_S", 0.05)
+    faults = Faults(1000, of_all=True, away=50)
+    with faulty(server[0], faults) as address:
+        reach(address, monkeypatch)
+        with pytest.raises(OSError, match=r"^s3://"):
+            settled(replace(planned), "id0")
+        assert faults.refused < 50
+        batch = replace(planned, patience_s=600.0)
+        commit(batch, outcome(batch, 0), run_folder(batch, 0))
+        assert faults.away == 0
+        row = settled(batch, "id0")
+    assert row and row.is_done and len(_objects(server, batch, "runs/")) == 5
+
+
 def test_results_of_another_configuration_are_replaced(plan, server):
     batch = plan()
     commit(batch, outcome(batch, 0), run_folder(batch, 0))

@@ -143,7 +143,8 @@ def test_a_batch_in_a_store_has_the_same_results(tmp_path: Path, monkeypatch: py
             assert (bad.returncode, bad.stderr) == (2, "error: --index 7: expected 0 to 0\n")
             with monkeypatch.context() as gone:
                 reach("http://127.0.0.1:9", gone)
-                lost = _work(remote, "--index", "0")  # no bad input: a scheduler tries it again
+                # no bad input: a scheduler tries it again
+                lost = _work(remote, "--index", "0", "--patience", "0")
             assert lost.returncode == 3 and "expected a store that can be read" in lost.stderr
         finally:
             shutil.rmtree(remote.out)

@@ -1,5 +1,6 @@
 """What the driver makes of attempts: rows, another attempt, an end in order."""
 
+import dataclasses
 import json
 import os
 import pty
@@ -8,17 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_batch.attempt.commit import commit, settled
+from hsslam_batch.attempt.commit import all_settled, commit, settled
 from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.board import Board
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_batch.options import RunOptions, WorkOptions
+from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.progress import PROGRESS, BatchProgress
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import parse_options
+from tests.batch.object_store import BUCKET, object_store, reach
 from tests.batch.outcomes import outcome, planned, run_folder
 from tests.until import until
 
@@ -56,6 +59,43 @@ def test_a_worker_that_died_after_its_commit_has_done_the_log(tmp_path: Path):
     run = _run(batch, Board())
     assert run.judge(Try(0), TaskResult(trouble="its worker died", is_lost=True)) is None
     assert run.progress.tally.done == 1
+
+
+def test_a_store_that_is_away_fails_no_log_and_ends_the_batch_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    with object_store() as (address, _), monkeypatch.context() as there:
+        there.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        there.setattr(tried, "_FIRST_WAIT_S", 0.01)
+        reach(address, there)
+        url = f"s3://{BUCKET}/out"
+        batch = planned(tmp_path / "out", frames=(100,) * 6, url=url)
+        commit(batch, outcome(batch, 5), run_folder(batch, 5))
+        run = _run(batch, Board())
+        with run.progress:
+            reach("http://127.0.0.1:9", there)
+            run.batch = dataclasses.replace(batch)  # a connection of its own
+            died = TaskResult(trouble="its node died", is_lost=True, node_id="node1")
+            lack = TaskResult(trouble="no route to the store", is_unavailable=True)
+            assert run.judge(Try(0), died) == Try(0, 2, not_on="node1")
+            assert run.judge(Try(0, 2), died) is run.judge(Try(1, 2), lack) is None
+            assert run.judge(Try(2), lack) == Try(2, 2)
+            assert not run.stop.is_asked()
+            reach(address, there)
+            run.batch = dataclasses.replace(batch)
+            assert run.judge(Try(5), died) is None and run.progress.tally.done == 1
+            assert run.judge(Try(2, 2), lack) is run.judge(Try(3, 2), lack) is None
+            assert not run.stop.is_asked()  # the store has answered meanwhile
+            assert run.judge(Try(4, 2), lack) is None and run.stop.is_asked()
+        tally = run.progress.tally
+        assert (tally.done, tally.failed, tally.left) == (1, 0, 5)
+        assert all_settled(batch, run.logs).keys() == {"id5"}
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith(f"log0: unavailable: its node died; not written: {url}/")
+    assert said[1] == "log1: unavailable: no route to the store"
+    assert said[-1].startswith("error: 3 logs one after the other could not be fetched, or their")
+    events = [json.loads(line) for line in (batch.out / PROGRESS).read_text().splitlines()]
+    assert [event["event"] for event in events].count("left") == 5
 
 
 def test_once_it_is_asked_to_stop_the_board_is_closed(
@@ -160,4 +200,5 @@ def test_work_gets_the_limits_of_run(tmp_path: Path):
     assert (work.out, work.index, work.id, work.attempt) == (str(batch.out), 2, "id2", 3)
     assert work.retries == 1
     assert (work.memory_gb, work.timeout_s, work.scratch) == (3.5, 60.0, Path("/scratch"))
+    assert work.patience_s == options.patience_s == 300
     assert "--timeout" not in work_words(batch, logs, RunOptions(out=str(batch.out)), Try(0))

@@ -12,13 +12,15 @@ import pytest
 
 from hsslam_batch.attempt.command import work_command
 from hsslam_batch.attempt.commit import commit, settle_failed
-from hsslam_batch.attempt.outcome import Line, Refused
+from hsslam_batch.attempt.outcome import Line, Refused, Unavailable
 from hsslam_batch.cluster.command import run_command, waiting_tries
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.options import RunOptions
+from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch, OtherPlanError
 from hsslam_batch.plan.lock import alone
 from hsslam_node.errors import UserError
+from tests.batch.object_store import BUCKET, reach
 from tests.batch.outcomes import outcome, planned, run_folder
 
 
@@ -123,6 +125,22 @@ def test_no_run_is_made_of_another_log_than_planned(
     assert work_command([str(batch.out), "--index", "0", "--id", "id0"]) == 0  # is done
 
 
+def test_a_store_that_does_not_answer_is_no_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """Neither of `run`, which may be repeated, nor of `work`: the log has not failed."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(tried, "_TRIES", 1)
+    reach("http://127.0.0.1:9", monkeypatch)
+    url = f"s3://{BUCKET}/out"
+    assert run_command([url]) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith(f"error: {url}/: ") and said.err.count("\n") == 1
+    assert work_command([url, "--index", "0", "--json", "--patience", "0"]) == 3
+    line = msgspec.json.decode(capsys.readouterr().out, type=Line)
+    assert isinstance(line, Unavailable) and line.reason.startswith(f"{url}/: ")
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -132,6 +150,7 @@ def test_no_run_is_made_of_another_log_than_planned(
         ["--timeout", "0"],
         ["--memory", "nan"],
         ["--fetch-gb", "0"],
+        ["--patience", "-1"],
     ],
 )
 def test_a_wrong_value_is_one_line(batch: Batch, words: list[str]):

@@ -4,6 +4,7 @@ It takes minutes, so it has the mark `long`: `pytest -m long tests/batch`.
 """
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -134,6 +135,37 @@ def test_a_stop_while_ray_starts_begins_no_log(batch: Batch):
     said = end(run)
     assert run.returncode == 1 and "Traceback" not in said, said
     assert nothing_left(batch) and not (batch.out / "runs").exists()
+
+
+def test_a_store_that_is_away_for_a_while_costs_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It goes away while the first result is uploaded, for longer than an attempt waits."""
+    faults = Faults(1000, of_all=True)
+    with object_store() as (server, _), faulty(server, faults) as address:
+        for k in range(3):
+            write_small_log(tmp_path / "logs" / f"good{k}", start=20 * k, count=4)
+        reach(address, monkeypatch)
+        url = f"s3://{BUCKET}/out"
+        plan_command([str(tmp_path / "logs"), "--out", url, *QUICK])
+        batch = read_batch(url)
+        try:
+            run = start(batch, "--parallel", "2", "--patience", "15")
+            wait(
+                lambda: any("/runs/" in path and "trajectory" in path for path, _ in faults.ranges)
+            )
+            faults.away = math.inf
+            back_s = time.monotonic() + 30
+            wait(lambda: time.monotonic() > back_s)
+            faults.away = 0
+            said = end(run)
+            assert run.returncode == 0 and "3 done, 0 failed, 0 left" in said, said
+            events = (batch.out / "progress.jsonl").read_text().splitlines()
+            again = [event for event in map(json.loads, events) if event["event"] == "again"]
+            assert again and all(event["kind"] == "unavailable" for event in again)
+            assert nothing_left(batch)
+        finally:
+            shutil.rmtree(batch.out)
 
 
 def test_logs_and_results_in_a_store_that_fails_now_and_then(
