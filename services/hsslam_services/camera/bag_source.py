@@ -44,7 +44,7 @@ class BagSource(ReadsInTime):
     def __init__(self, place: str, options: SourceOptions) -> None:
         self.reports = Reports()
         self._bag = BagFile(place)
-        found = find_camera(self._bag, options.bag)
+        found = find_camera(self._bag, options.bag, self.reports)
         self._color, self._depth, self._info = found.color, found.depth, found.info
         self._camera_info = b""  # the newest message, without its stamp
         self._odometry_topic = odometry_topic(self._bag, options.bag)

@@ -11,9 +11,16 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.topics import BagOptions
+from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bag_file import BagFile, BagMessage, BagTopic
-from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO, is_rectified
+from hsslam_services.camera.ros2_messages import (
+    COMPRESSED,
+    IMAGE,
+    INFO,
+    is_rectified,
+    report_one_rectified,
+)
 from hsslam_services.camera.ros_frames import MOST_BROKEN, intrinsics_text
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
@@ -33,10 +40,11 @@ class BagCamera:
     first: tuple[RawImage, RawImage]  # colour, depth
 
 
-def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
+def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamera:
     """Find the topics of the camera: those that the options name, else the only ones that fit.
 
     Prefers depth topics with "aligned" or "registered" in their names, and colour images to grey ones.
+    Reports if only one of colour and depth is rectified by its name, and the camera has a lens.
 
     Raises:
         UserError: no or several topics fit, or depth is not registered to colour; names all topics.
@@ -55,6 +63,8 @@ def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
     camera = camera_of(bag, firsts[info], color)
     for depth_info in _info_beside(depth, infos):
         _expect_same_K(bag, firsts[info], firsts[depth_info])
+    if bag.decode.has_lens(firsts[info].payload):
+        report_one_rectified(color, depth, "--bag", reports)
     return BagCamera(color, depth, info, camera, (images[color], images[depth]))
 
 

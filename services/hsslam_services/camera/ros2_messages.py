@@ -9,6 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 from hsslam_services.ros2.imu_in import IMU
@@ -92,6 +93,14 @@ class CdrMessages:
         lens, model = _lens(str(info.distortion_model), _numbers(info, "d"))
         return Camera(*_pixels_left(info, k[0], k[4], k[2], k[5]), lens, model)
 
+    def has_lens(self, payload: bytes) -> bool:
+        """Whether a `CameraInfo` has coefficients of a lens that are not all 0.
+
+        Raises:
+            BadImageError: not such a message.
+        """
+        return any(_numbers(self._decoded(payload, INFO), "d"))
+
     def odometry(self, payload: bytes, type_name: str) -> Any:
         """An `Odometry` as rosbags decodes it.
 
@@ -165,6 +174,22 @@ def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
 def is_rectified(topic: str) -> bool:
     """Whether the images of a topic are rectified: its name has the word "rect" or "rectified"."""
     return not _RECTIFIED.isdisjoint(re.split(r"[/_]", topic))
+
+
+def report_one_rectified(color: str, depth: str, option: str, reports: Reports) -> None:
+    """Report if the names of two topics say that only one of them has rectified images.
+
+    Matters only for a camera with a lens. `option`: the beginning of the options of topics, such as `--bag`.
+    """
+    if is_rectified(color) == is_rectified(depth):
+        return
+    rectified, raw = (color, depth) if is_rectified(color) else (depth, color)
+    distortion = "stays in depth" if rectified == color else "is removed from both"
+    text = (
+        f"{rectified} is rectified by its name, {raw} is not: the lens distortion of camera_info "
+        f"{distortion}; expected topics that are both rectified or both raw ({option}.color, {option}.depth)"
+    )
+    reports.add(Report("only one of colour and depth is rectified", text))
 
 
 def topic_keys(domain: int, topic: str) -> str:

@@ -22,6 +22,7 @@ from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
     is_rectified,
+    report_one_rectified,
     topic_keys,
     topic_of,
     type_of,
@@ -168,6 +169,8 @@ class Ros2Source:
             try:
                 if camera is None and (sample := self._info.try_recv()) is not None:
                     camera = self._camera_of(sample)
+                    if self._cdr.has_lens(sample.payload.to_bytes()):
+                        report_one_rectified(*self._topics[:2], "--ros2", self.reports)
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
                     if can_be_used(newest, camera):

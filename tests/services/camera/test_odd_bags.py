@@ -148,6 +148,48 @@ def test_images_are_rectified_if_a_word_of_their_topic_says_so(color, is_rectifi
     assert frame.camera.fx == (2 if is_rectified else 1) * room[0].camera.fx  # of P, or of K
 
 
+_RAW, _RECT = "/camera/rgb/image_raw", "/camera/rgb/image_rect_color"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("color", "depth", "k1", "told"),
+    [
+        (_RAW, "/camera/depth_registered/image_rect", 0.3, "is removed from both"),
+        (
+            _RAW,
+            "/camera/depth_registered/hw_registered/image_rect_raw",
+            0.3,
+            "is removed from both",
+        ),
+        (_RECT, "/camera/depth_registered/image_raw", 0.3, "stays in depth"),
+        (_RAW, "/camera/depth_registered/image_rect", 0.0, ""),
+        (_RECT, "/camera/depth_registered/image_raw", 0.0, ""),
+        (_RAW, "/camera/depth_registered/image_raw", 0.3, ""),
+        (_RECT, "/camera/depth_registered/image_rect", 0.3, ""),
+        (COLOR, DEPTH, 0.3, ""),
+    ],
+)
+def test_a_lens_in_only_one_of_colour_and_depth_is_told(
+    kind: str, color, depth, k1, told, room, tmp_path
+):
+    path = tmp_path / ("lens.bag" if kind == "bag" else "lens")
+    with new_bag(path, kind) as bag:
+        bag.info(INFO, 0, replace(room[0].camera, distortion=(k1, -k1 / 3, 0.0, 0.0, 0.0)))
+        bag.image(color, 5, room[0].color, "rgb8")
+        bag.image(depth, 5, room[0].depth_raw, "16UC1")
+    source = opened(path)
+    reports = reports_of(source).take()
+    assert len(whole_frames(source)) == 1
+    assert [report.kind for report in reports] == [
+        "only one of colour and depth is rectified"
+    ] * bool(told)
+    for report in reports:
+        assert color in report.text and depth in report.text
+        assert f"camera_info {told}; expected" in report.text
+        assert report.text.endswith("(--bag.color, --bag.depth)")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_compressed_images_of_another_size_are_bad_frames(kind: str, room, tmp_path: Path):
     """Of formats whose headers are not read, and turned ones; a lens must not hide it."""

@@ -61,6 +61,34 @@ def test_the_lens_is_taken_out(endpoint, ros_camera, room):
     assert frame.depth_raw[0, 0] == 0  # no pixel of the lens is there
 
 
+@pytest.mark.parametrize(
+    ("color", "depth", "k1", "told"),
+    [
+        ("image_raw", "depth_registered/image_rect", 0.2, "is removed from both"),
+        ("image_rect_color", "depth_registered/image_raw", 0.2, "stays in depth"),
+        ("image_raw", "depth_registered/image_rect", 0.0, ""),
+        ("image_raw", "aligned_depth_to_color/image_raw", 0.2, ""),
+    ],
+)
+def test_a_lens_in_only_one_of_colour_and_depth_is_told(endpoint, room, color, depth, k1, told):
+    camera = RosCamera(
+        endpoint, (f"/camera/rgb/{color}", f"/camera/{depth}", "/camera/rgb/camera_info")
+    )
+    camera.start(room, camera=replace(room[0].camera, distortion=(k1, -k1 / 2, 0.0, 0.0, 0.0)))
+    try:
+        options = ros2_options(endpoint, 1, color=f"rgb/{color}", depth=depth)
+        source = open_any_source("ros2:/camera", options)
+        assert all(isinstance(frame, Frame) for frame in source.frames())
+    finally:
+        camera.close()
+    reports = reports_of(source).take()
+    assert len(reports) == bool(told)
+    for report in reports:
+        assert all(topic in report.text for topic in camera.topics[:2])
+        assert f"camera_info {told}; expected" in report.text
+        assert report.text.endswith("(--ros2.color, --ros2.depth)")
+
+
 def test_what_is_heard_is_said_where_nothing_fits(endpoint, ros_camera, room):
     ros_camera.start(room, depth_lag_ns=16_500_000)
     with pytest.raises(UserError) as error:
