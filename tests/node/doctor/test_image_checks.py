@@ -13,6 +13,9 @@ from hsslam_node.doctor.images import (
     check_sharpness,
     check_view_motion,
 )
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options.source import SourceOptions
 
 RNG = np.random.default_rng(0)
 
@@ -60,6 +63,44 @@ def test_registration_without_edges_cannot_be_told():
     wall = np.full((480, 640, 3), 90, np.uint8), np.full((480, 640), 2.0, np.float32)
     assert (found := check_registration([wall])).severity == "note" and found.value is None
     assert check_registration([]).value is None
+
+
+@pytest.fixture(scope="module")
+def kitchen(test_data) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Colour and depth of 20 frames, in m."""
+    options = SourceOptions(stride=4, frames=20)
+    frames = open_source(f"tum:{test_data / 'kitchen'}", options).frames()
+    return [(f.color, f.depth_m()) for f in frames if isinstance(f, Frame)]
+
+
+def test_depth_of_another_view_lies_on_no_edges_of_colour(kitchen):
+    """The control has few edges: in colour, then in depth."""
+    mirrored = [(color, depth_m[:, ::-1]) for color, depth_m in kitchen]
+    found = check_registration(mirrored)
+    assert (found.severity, found.value) == ("fault", 24)
+    assert found.seen == "edges of depth lie on no edges of colour within 24 pixels"
+    for images in (
+        [(color // 20, depth_m) for color, depth_m in mirrored],
+        [(color, np.where(np.arange(640) < 560, 2.0, depth_m)) for color, depth_m in mirrored],
+    ):
+        found = check_registration(images)
+        assert (found.severity, found.value) == ("note", None)
+        assert "share too few edges" in found.seen
+
+
+def test_depth_of_another_moment_is_no_good_registration(kitchen):
+    """0.3 s late; the words tell what to look for."""
+    late = [
+        (color, depth_m) for (color, _), (_, depth_m) in zip(kitchen[3:], kitchen, strict=False)
+    ]
+    found = check_registration(late)
+    assert found.severity != "ok"
+    assert "both are of the same time" in found.advice
+
+
+def test_each_frame_of_the_kitchen_alone_is_no_fault(kitchen):
+    for images in kitchen:
+        assert check_registration([images]).severity != "fault"
 
 
 @pytest.mark.parametrize(("shift_px", "severity"), [(2, "ok"), (20, "note"), (48, "fault")])

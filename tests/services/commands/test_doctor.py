@@ -103,6 +103,20 @@ def test_kitchen_with_its_colour_shifted(test_data, tmp_path):
     assert "right of" in found["registration"]["seen"]
 
 
+def test_kitchen_with_its_depth_mirrored(test_data, tmp_path):
+    folder = planted(test_data / "kitchen", tmp_path)
+    (folder / "mirrored").mkdir()
+    colors, lines = (folder / "rgb.txt").read_text().splitlines(), []
+    for line in (folder / "depth.txt").read_text().splitlines()[:60]:
+        stamp, file = line.split()
+        mirrored = folder / "mirrored" / Path(file).name
+        assert cv2.imwrite(str(mirrored), cv2.imread(file, cv2.IMREAD_UNCHANGED)[:, ::-1])
+        lines.append(f"{stamp} {mirrored}")
+    (folder / "depth.txt").write_text("\n".join(lines))
+    (folder / "rgb.txt").write_text("\n".join(colors[:60]))
+    assert set(faults(f"tum:{folder}", tmp_path)) == {"registration"}
+
+
 def test_kitchen_with_its_stamps_jittered(test_data, tmp_path):
     folder = planted(test_data / "kitchen", tmp_path, jitter_ms=4)
     assert set(faults(f"tum:{folder}", tmp_path)) == {"stamp jitter, colour", "stamp jitter, depth"}
