@@ -1,7 +1,8 @@
 """Sequences of 7-Scenes: `frame-000000.color.png`, `.depth.png` and `.pose.txt` in one folder."""
 
+import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
+from hsslam_node.sources.files.image_files import BadImageError, read_any_color, read_any_depth
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
@@ -23,6 +25,7 @@ _SIZE_PX = (640, 480)
 # Of the depth camera, from the data set's page: those of KinectFusion, which made the poses.
 _DEPTH_CAMERA = {"fx": 585.0, "fy": 585.0, "cx": 320.0, "cy": 240.0, "depth_scale": 1000.0}
 _NO_DEPTH = 65535
+_MOST_BROKEN = 30  # pairs before the first that can be read
 
 
 class SevenScenesSource(ImagePairSource):
@@ -30,7 +33,8 @@ class SevenScenesSource(ImagePairSource):
 
     Depth keeps its own pixels and intrinsics. The published colour images are not registered to it, and the
     data set has no calibration to do so: shape and poses are right, colour is off by some pixels. For
-    registered images, a `camera.json` in the folder or `--camera` replaces the intrinsics.
+    registered images, a `camera.json` in the folder or `--camera` replaces the intrinsics; images of another
+    size than the published ones need one of the two.
 
     Raises:
         UserError: the folder or its images are missing, or the camera is wrong.
@@ -42,9 +46,12 @@ class SevenScenesSource(ImagePairSource):
         folder = _find(name)
         own = folder / "camera.json"
         given = options.camera.given()
-        fields = given if own.exists() else _DEPTH_CAMERA | given
-        camera, units_per_m = read_record_camera(own, fields, _SIZE_PX)
-        super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
+        pairs = _pairs(folder)
+        size = _size_px(pairs)
+        is_published = size == _SIZE_PX and not own.exists()
+        fields = _DEPTH_CAMERA | given if is_published else given
+        camera, units_per_m = read_record_camera(own, fields, size)
+        super().__init__(f"7scenes:{name}", pairs, camera, units_per_m, options)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """As `ImagePairSource`; a depth of 65535, which means no measurement, becomes 0."""
@@ -77,6 +84,16 @@ def _find(name: str) -> Path:
         f"source 7scenes:{name}: no such folder here or in $HSSLAM_DATA: expected a sequence such "
         "as redkitchen/seq-01"
     )
+
+
+def _size_px(pairs: Sequence[ImagePair]) -> tuple[int, int]:
+    """Width and height of the first pair that can be read; those of the data set if there is none."""
+    for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
+        with contextlib.suppress(BadImageError):
+            height, width = read_any_color(color_file).shape[:2]
+            if read_any_depth(depth_file).shape == (height, width):
+                return width, height
+    return _SIZE_PX
 
 
 def _pairs(folder: Path) -> list[ImagePair]:

@@ -82,6 +82,31 @@ def test_registered_images_bring_their_own_camera(sequence):
     assert (source.camera.fx, source.depth_units_per_m) == (500.0, 5000.0)
 
 
+def test_registered_images_may_have_another_size(sequence):
+    """A broken first pair does not show the size; the file may name it, but not a wrong one."""
+    for k in range(3):
+        color, depth_mm = np.full((48, 64, 3), 9, np.uint8), np.full((48, 64), 1000, np.uint16)
+        _write(sequence, k, color, depth_mm, np.eye(4))
+    (sequence / "frame-000000.color.png").write_bytes(b"")
+    with pytest.raises(
+        UserError, match=r"fx and depth_scale are missing: expected in camera\.json"
+    ):
+        open_source(f"7scenes:{sequence}")
+    own = CameraOptions(fx=52.5, depth_scale=1000.0)
+    sources = [open_source(f"7scenes:{sequence}", SourceOptions(camera=own))]
+    for size in ("", '"width": 64, "height": 48, '):
+        (sequence / "camera.json").write_text("{" + size + '"fx": 52.5, "depth_scale": 1000}')
+        sources.append(open_source(f"7scenes:{sequence}"))
+    for source in sources:
+        assert source.camera == Camera(64, 48, 52.5, 52.5, 31.5, 23.5)
+        assert [type(frame) for frame in source.frames()] == [BadFrame, Frame, Frame]
+    (sequence / "camera.json").write_text(
+        '{"fx": 525, "width": 640, "height": 480, "depth_scale": 1}'
+    )
+    with pytest.raises(UserError, match="640x480 pixels, images have 64x48"):
+        open_source(f"7scenes:{sequence}")
+
+
 def test_a_damaged_image_is_one_bad_frame(sequence):
     damaged = sequence / "frame-000001.depth.png"
     damaged.write_bytes(damaged.read_bytes()[:100])
