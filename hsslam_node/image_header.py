@@ -1,13 +1,15 @@
-"""Size of a PNG or JPEG from its first bytes, before anything is decoded: OpenCV has no such function."""
+"""Size of a PNG or JPEG from its first bytes, and whether a JPEG ends: OpenCV has no such functions."""
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 LARGEST_PIXELS = 2**26  # 8192 x 8192: the limit for images of all sources
 _PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # by colour type; palettes hold RGB
-_JPEG = b"\xff\xd8"
+_JPEG, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_SCAN = 0xDA
 _STANDALONE = {0x01, *range(0xD0, 0xD9)}  # markers without a length
 _NO_FRAME = {0xC4, 0xC8, 0xCC}  # of the range of frame headers: tables and extensions
 
@@ -47,23 +49,36 @@ def _png_header(fields: bytes) -> ImageHeader | None:
     return None if channels is None else ImageHeader("png", width, height, channels, bits)
 
 
+def has_jpeg_end(data: bytes | memoryview) -> bool:
+    """Whether a JPEG has an end marker behind the beginning of its first scan, whatever follows.
+
+    The end of a thumbnail in its header does not count. Coded pixels never hold the bytes of the marker.
+    """
+    scans = (at for marker, at in _jpeg_segments(data) if marker == _SCAN)
+    at = next(scans, None)
+    return at is not None and _JPEG_END in bytes(data[at:])
+
+
 def _jpeg_header(data: bytes | memoryview) -> ImageHeader | None:
-    """Walks from marker to marker up to the frame header."""
-    at = 2
-    while at + 4 <= len(data):
-        if data[at] != 0xFF:
-            return None
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill byte
-            at += 1
-        elif marker in _STANDALONE:
-            at += 2
-        elif 0xC0 <= marker <= 0xCF and marker not in _NO_FRAME:
+    for marker, at in _jpeg_segments(data):
+        if 0xC0 <= marker <= 0xCF and marker not in _NO_FRAME:
             fields = bytes(data[at + 4 : at + 10])
             if len(fields) < 6:
                 return None
             bits, height, width, channels = struct.unpack(">BHHB", fields)
             return ImageHeader("jpeg", width, height, channels, bits)
-        else:
-            at += 2 + max(int.from_bytes(data[at + 2 : at + 4], "big"), 2)
     return None
+
+
+def _jpeg_segments(data: bytes | memoryview) -> Iterator[tuple[int, int]]:
+    """Each marker with a length, up to the first scan, and its place in the file, byte."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # fill byte
+            at += 1
+        elif marker in _STANDALONE:
+            at += 2
+        else:
+            yield marker, at
+            at += 2 + max(int.from_bytes(data[at + 2 : at + 4], "big"), 2)

@@ -40,6 +40,23 @@ def test_a_truncated_file_is_refused(tmp_path, name, share):
         (read_color if name[0] == "c" else read_depth)(path, CAMERA)
 
 
+@pytest.mark.parametrize("progressive", [0, 1])
+def test_a_jpeg_is_whole_whatever_follows_its_end(tmp_path, progressive):
+    """As phones and padding writers make it; the control is cut off, and has a whole thumbnail inside."""
+    path, plain = tmp_path / "c.jpg", tmp_path / "plain.jpg"
+    how = [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
+    assert cv2.imwrite(str(plain), COLOR[..., ::-1], how)
+    data = plain.read_bytes()
+    inside = b"\xff\xe1" + (2 + len(data)).to_bytes(2, "big") + data
+    data = data[:2] + inside + data[2:]
+    for rest in (b"\0" * 400, b"text" * 1000):
+        path.write_bytes(data + rest)
+        np.testing.assert_array_equal(read_color(path, CAMERA), read_color(plain, CAMERA))
+        path.write_bytes(data[:-100] + rest)
+        with pytest.raises(BadImageError, match="truncated at"):
+            read_color(path, CAMERA)
+
+
 def test_a_corrupt_png_is_refused(tmp_path):
     path = tmp_path / "d.png"
     cv2.imwrite(str(path), DEPTH)
