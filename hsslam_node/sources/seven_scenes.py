@@ -1,6 +1,5 @@
 """Sequences of 7-Scenes: `frame-000000.color.png`, `.depth.png` and `.pose.txt` in one folder."""
 
-import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,8 +12,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
-from hsslam_node.sources.files.image_files import BadImageError, read_any_color, read_any_depth
-from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
+from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource, first_size_px
 from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
 from hsslam_node.sources.options.source import SourceOptions
@@ -25,7 +23,6 @@ _SIZE_PX = (640, 480)
 # Of the depth camera, from the data set's page: those of KinectFusion, which made the poses.
 _DEPTH_CAMERA = {"fx": 585.0, "fy": 585.0, "cx": 320.0, "cy": 240.0, "depth_scale": 1000.0}
 _NO_DEPTH = 65535
-_MOST_BROKEN = 30  # pairs before the first that can be read
 
 
 class SevenScenesSource(ImagePairSource):
@@ -47,7 +44,7 @@ class SevenScenesSource(ImagePairSource):
         own = folder / "camera.json"
         given = options.camera.given()
         pairs = _pairs(folder)
-        size = _size_px(pairs)
+        size = _size_px(f"7scenes:{name}", pairs)
         is_published = size == _SIZE_PX and not own.exists()
         fields = _DEPTH_CAMERA | given if is_published else given
         camera, units_per_m = read_record_camera(own, fields, size)
@@ -86,14 +83,12 @@ def _find(name: str) -> Path:
     )
 
 
-def _size_px(pairs: Sequence[ImagePair]) -> tuple[int, int]:
-    """Width and height of the first pair that can be read; those of the data set if there is none."""
-    for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
-        with contextlib.suppress(BadImageError):
-            height, width = read_any_color(color_file).shape[:2]
-            if read_any_depth(depth_file).shape == (height, width):
-                return width, height
-    return _SIZE_PX
+def _size_px(name: str, pairs: Sequence[ImagePair]) -> tuple[int, int]:
+    """Width and height of the first pair that can be used; those of the data set if there is none."""
+    try:
+        return first_size_px(name, pairs)
+    except UserError:
+        return _SIZE_PX
 
 
 def _pairs(folder: Path) -> list[ImagePair]:

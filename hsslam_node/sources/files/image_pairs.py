@@ -5,10 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.frame_masks import FrameMasks
-from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.files.image_files import (
+    BadImageError,
+    read_any_color,
+    read_any_depth,
+    read_color,
+    read_depth,
+)
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
@@ -17,6 +24,7 @@ from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 
 _SHORTEST_PERIOD_NS = 1e6  # between two frames
+_MOST_BROKEN = 30  # pairs before the first that can be used
 
 
 class ImagePairSource(ReadsInTime):
@@ -98,6 +106,30 @@ def numbered_rate_hz(stamps_ns: Sequence[int] | np.ndarray, numbered_hz: float) 
     """The rate of frames n stamped n / `numbered_hz`, rounded to ns: that at the median step of n."""
     steps = np.diff(np.round(np.array(stamps_ns) * numbered_hz / 1e9))
     return numbered_hz / float(np.median(steps)) if len(steps) else numbered_hz
+
+
+def first_size_px(source: str, pairs: Sequence[ImagePair]) -> tuple[int, int]:
+    """Width and height of the first pair that can be used.
+
+    Raises:
+        UserError: none of the first 30 can; the fault of the first pair.
+    """
+    problem: UserError | None = None
+    for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
+        try:
+            height, width = read_any_color(color_file).shape[:2]
+            depth_height, depth_width = read_any_depth(depth_file).shape
+        except BadImageError as error:
+            problem = problem or UserError(f"source {source}: first frame: {error}")
+            continue
+        if (depth_width, depth_height) == (width, height):
+            return width, height
+        problem = problem or UserError(
+            f"{depth_file}: {depth_width}x{depth_height} pixels, colour has {width}x{height}: "
+            "expected depth registered to colour (most cameras' software can: 'align to colour')"
+        )
+    assert problem is not None, "a folder has one pair at least"
+    raise problem
 
 
 def report_left_out(

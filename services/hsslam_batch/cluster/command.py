@@ -40,7 +40,7 @@ def run_command(args: Sequence[str]) -> int:
     try:
         return _run_all(options)
     except UnavailableError as error:  # not bad input: the same command may work later
-        print(f"error: {error}", file=sys.stderr)
+        say_at_end(f"error: {error}")
         return _INTERRUPTED
 
 
