@@ -62,7 +62,7 @@ def test_a_worker_that_died_after_its_commit_has_done_the_log(tmp_path: Path):
 
 
 def test_a_store_that_is_away_fails_no_log_and_ends_the_batch_in_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ):
     with object_store() as (address, _), monkeypatch.context() as there:
         there.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -90,7 +90,7 @@ def test_a_store_that_is_away_fails_no_log_and_ends_the_batch_in_the_end(
         tally = run.progress.tally
         assert (tally.done, tally.failed, tally.left) == (1, 0, 5)
         assert all_settled(batch, run.logs).keys() == {"id5"}
-    said = capsys.readouterr().err.splitlines()
+    said = capfd.readouterr().err.splitlines()
     assert said[0].startswith(f"log0: unavailable: its node died; not written: {url}/")
     assert said[1] == "log1: unavailable: no route to the store"
     assert said[-1].startswith("error: 3 logs one after the other could not be fetched, or their")

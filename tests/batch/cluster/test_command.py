@@ -126,7 +126,7 @@ def test_no_run_is_made_of_another_log_than_planned(
 
 
 def test_a_store_that_does_not_answer_is_no_bad_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     """Neither of `run`, which may be repeated, nor of `work`: the log has not failed."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -134,10 +134,10 @@ def test_a_store_that_does_not_answer_is_no_bad_input(
     reach("http://127.0.0.1:9", monkeypatch)
     url = f"s3://{BUCKET}/out"
     assert run_command([url]) == 1
-    said = capsys.readouterr()
+    said = capfd.readouterr()
     assert said.err.startswith(f"error: {url}/: ") and said.err.count("\n") == 1
     assert work_command([url, "--index", "0", "--json", "--patience", "0"]) == 3
-    line = msgspec.json.decode(capsys.readouterr().out, type=Line)
+    line = msgspec.json.decode(capfd.readouterr().out, type=Line)
     assert isinstance(line, Unavailable) and line.reason.startswith(f"{url}/: ")
 
 
