@@ -4,7 +4,6 @@ python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB PATIENCE_S
 """
 
 import contextlib
-import errno
 import fcntl
 import shutil
 import sys
@@ -50,7 +49,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
 
     Raises:
         UserError: the log is larger than `most_gb`, or has changed since the plan.
-        OSError: the store fails at every try in `patience_s`, or the disk has too little space.
+        OSError: the store fails at every try in `patience_s`, or the disk is full.
     """
     if log.nbytes > 1e9 * most_gb:
         raise UserError(
@@ -60,7 +59,6 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
     with _alone(folder):
         listing = asked_listing(log.place, patience_s=patience_s)
         files = planned_files(listing, log)
-        _expect_room(folder, log)
         store, _ = open_store(log.place)
         base = folder if listing.alone else fetched_place(folder, log)
         with ThreadPoolExecutor(_AT_ONCE) as pool:
@@ -111,15 +109,6 @@ def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> byte
         return data
 
     return tried(url, some, patience_s)
-
-
-def _expect_room(folder: Path, log: Log) -> None:
-    fetched = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-    free = shutil.disk_usage(folder).free
-    if log.nbytes - fetched > free:
-        needed = (log.nbytes - fetched) / 1e9
-        lack = f"{free / 1e9:.2f} GB free, {needed:.2f} needed for {log.name}"
-        raise OSError(errno.ENOSPC, lack, str(folder))
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import platform
 import secrets
+import select
 import shutil
 import sys
 import time
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hsslam_batch.attempt.commit import commit, settle_failed
-from hsslam_batch.attempt.fetch import fetched_place, remove_fetched
+from hsslam_batch.attempt.fetch import fetched_place
 from hsslam_batch.attempt.judgement import (
     judged,
     judged_frames,
@@ -22,6 +23,7 @@ from hsslam_batch.attempt.judgement import (
 )
 from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.outcome import Outcome, figures, may_try_again
+from hsslam_batch.attempt.room import room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
@@ -32,6 +34,8 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 
 _NOT_RUN = End(code=2, why="", wall_s=0.0, core_s=0.0, memory_mb=0)
+_NO_ROOM = dataclasses.replace(_NOT_RUN, code=1)
+_LOOK_S = 5.0  # for room
 _FETCH_CODES = {1: "the log could not be fetched"}
 
 
@@ -118,7 +122,13 @@ def _attempt(
     started_ns, fetch_s = time.time_ns(), 0.0
     here = log
     if is_url(log.place):
-        at_end.callback(remove_fetched, place.fetched)
+        too_large = log.nbytes > 1e9 * terms.fetch_gb  # the fetch refuses it
+        nbytes = 0 if too_large else log.nbytes
+        try:
+            room = at_end.enter_context(room_for(nbytes, place.fetched, lambda: _pause(cancel_fds)))
+        except OSError as error:
+            reason = f"{error.filename}: {error.strerror}: expected a folder with room (--scratch)"
+            return _outcome(batch, log, terms, _NO_ROOM, kind="unavailable", reason=reason)
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
@@ -127,8 +137,7 @@ def _attempt(
             kind = "unavailable"
         if kind != "done":
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
-            if may_try_again(outcome, terms.retries):
-                at_end.pop_all()  # keep the fetched part for the next attempt
+            room.is_kept = may_try_again(outcome, terms.retries)
             return outcome
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
     else:
@@ -177,6 +186,11 @@ def _watched(
     if end.why == "cancelled":
         raise CancelledError
     return end
+
+
+def _pause(cancel_fds: Sequence[int]) -> None:
+    if select.select(cancel_fds, [], [], _LOOK_S)[0]:
+        raise CancelledError
 
 
 def _outcome(batch: Batch, log: Log, terms: Terms, end: End, **found) -> Outcome:

@@ -1,7 +1,6 @@
 """Logs come out of an object store whole, in spite of its faults, and only as they were planned."""
 
 import dataclasses
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -166,14 +165,9 @@ def test_a_store_that_does_not_answer_is_an_error_after_some_tries(
 
 
 def test_what_passes_is_no_bad_input(store, tmp_path: Path, monkeypatch):
-    """A store that lists nothing now, a disk that is full now: the log is tried again."""
+    """A store that lists nothing now: the log is tried again."""
     _, look_at, _ = store
     log = _logs()["loose.mcap"]
-    usage = shutil.disk_usage(tmp_path)
-    with monkeypatch.context() as full:
-        full.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1000))
-        with pytest.raises(OSError, match=r"0\.00 GB free, 0\.00 needed for loose\.mcap"):
-            fetch_log(log, tmp_path, most_gb=1.0)
     monkeypatch.setattr(tried, "_TRIES", 1)
     look_at("http://127.0.0.1:1")
     with pytest.raises(OSError, match=r"^s3://.*loose\.mcap: "):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -81,6 +82,20 @@ def test_a_log_that_a_store_does_not_give_has_not_failed(
     assert status_command([str(batch.out)]) == 1
     assert "0 failed, 1 left" in capsys.readouterr().out
     assert list(waiting_tries({0: outcome}, RunOptions())) == [Try(0)]
+
+
+def test_a_disk_without_room_is_not_the_fault_of_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    batch, log = _in_store(tmp_path / "out")
+    terms = Terms(1, 0, Limits(), tmp_path / "scratch")
+    folder = _begin(batch, log, terms)
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10))
+    outcome = serve_log(batch, log, terms)
+    assert (outcome.kind, outcome.exit_code) == ("unavailable", 1) and not folder.exists()
+    said = f"{tmp_path / 'scratch'}: 0.0 MB free, 0.0 MB needed: expected a folder with room (--scratch)"
+    assert outcome.reason == said
 
 
 @pytest.mark.alone

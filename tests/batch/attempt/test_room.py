@@ -1,0 +1,71 @@
+"""Logs of a store wait for room on the disk of a node instead of failing one after the other."""
+
+import contextlib
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.room import room_for
+
+_DISK_BYTES = 1000
+
+
+@pytest.fixture
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder on a disk of a thousand bytes."""
+    usage = shutil.disk_usage(tmp_path)
+
+    def small(folder: Path) -> object:
+        used = sum(p.stat().st_size for p in tmp_path.rglob("*") if p.name == "part")
+        return usage._replace(free=_DISK_BYTES - used)
+
+    monkeypatch.setattr(shutil, "disk_usage", small)
+    return tmp_path
+
+
+def _no_pause() -> None:
+    pytest.fail("it waits")
+
+
+def test_a_log_waits_until_another_one_leaves_the_room(scratch: Path):
+    """The first is not yet fetched whole: what is still to come is kept for it, too."""
+    first, looks = contextlib.ExitStack(), []
+    first.enter_context(room_for(600, scratch / "a", _no_pause))
+    (scratch / "a" / "part").write_bytes(bytes(100))
+    with room_for(300, scratch / "b", _no_pause):
+        assert not looks
+
+    def pause() -> None:
+        looks.append(len(list(scratch.iterdir())))
+        if len(looks) == 3:
+            first.close()
+
+    with room_for(500, scratch / "c", pause):
+        assert looks == [2, 2, 2] and not (scratch / "a").exists()
+        (scratch / "c" / "part").write_bytes(bytes(500))
+    assert not list(scratch.iterdir())
+
+
+def test_a_log_that_never_fits_is_refused_at_once(scratch: Path):
+    with (
+        room_for(600, scratch / "a", _no_pause),
+        pytest.raises(OSError, match=r"0\.0 MB free, 0\.0 MB needed") as raised,
+        room_for(1100, scratch / "b", _no_pause),
+    ):
+        pass
+    assert raised.value.filename == str(scratch) and not (scratch / "b").exists()
+
+
+def test_what_an_attempt_has_left_is_not_waited_for(scratch: Path):
+    """A part that is kept for the next attempt, or that of a node that was killed."""
+    with room_for(600, scratch / "a", _no_pause) as room:
+        (scratch / "a" / "part").write_bytes(bytes(500))
+        room.is_kept = True
+    with (
+        pytest.raises(OSError, match="MB needed"),
+        room_for(600, scratch / "b", _no_pause),
+    ):
+        pass
+    with room_for(600, scratch / "a", _no_pause), room_for(400, scratch / "b", _no_pause):
+        assert (scratch / "a" / "part").exists()
