@@ -12,8 +12,9 @@ from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome, Refused, 
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
-from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, folder_of, read_batch
+from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, folder_of
 from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.commands.cli import parse_options

@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.find_logs import planned_files
 from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import asked_listing, open_store
 from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError

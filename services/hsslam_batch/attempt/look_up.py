@@ -10,8 +10,9 @@ import msgspec
 
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.outcome import Outcome
-from hsslam_batch.plan.batch import Batch, UnavailableError, mirrored_batch, read_batch
+from hsslam_batch.plan.batch import Batch, UnavailableError
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import mirrored_batch, read_batch
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import exit_code
 

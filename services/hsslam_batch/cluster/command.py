@@ -14,9 +14,10 @@ from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.task import perform
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, read_batch
+from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs

@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.table import Table
 
 from hsslam_batch.options import ReportOptions
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.comparison import FIGURES, Change, Row, compare, newly_failed, worst
 from hsslam_batch.results.costs import cost_table, costs
 from hsslam_batch.results.runs_table import known_rows, renew_runs

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.options import StatusOptions
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.tally import Tally, frames_of
 from hsslam_services.commands.cli import parse_options
 

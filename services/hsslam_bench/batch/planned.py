@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.read_batch import read_batch
 
 _PYTHON = (sys.executable, "-P", "-m")
 _LOGS, _QUICK_LOGS = 2000, 20

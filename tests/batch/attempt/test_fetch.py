@@ -10,10 +10,10 @@ import pytest
 from hsslam_batch.attempt import fetch
 from hsslam_batch.attempt.fetch import fetch_log, fetched_place
 from hsslam_batch.plan import tried
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.find_logs import find_logs
 from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import list_url
 from hsslam_node.errors import UserError
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach

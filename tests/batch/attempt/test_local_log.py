@@ -8,9 +8,9 @@ import pytest
 
 from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.serve_log import Terms, serve_log
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_services.log.recovery import recover
 from tests.services.serve_process import QUICK

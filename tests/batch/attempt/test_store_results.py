@@ -11,8 +11,9 @@ import pytest
 from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settled
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan import tried
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.report import report_command
 from hsslam_batch.results.runs_table import known_rows, read_runs
 from hsslam_batch.results.status import status_command

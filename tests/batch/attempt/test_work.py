@@ -14,9 +14,10 @@ from hsslam_batch.__main__ import main
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.outcome import may_try_again
 from hsslam_batch.attempt.store_results import StoredOutcome
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import MORE_SHARED_MEMORY
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach

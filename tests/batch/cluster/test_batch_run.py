@@ -16,8 +16,9 @@ from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_batch.options import RunOptions, WorkOptions
 from hsslam_batch.plan import tried
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.progress import PROGRESS, BatchProgress
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import parse_options

@@ -14,9 +14,10 @@ from typing import Any
 import psutil
 import pytest
 
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_bench.batch.small_log import write_small_log

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hsslam_batch.attempt.serve_log import serve_command
-from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.errors import UserError

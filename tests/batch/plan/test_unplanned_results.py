@@ -7,9 +7,10 @@ import pytest
 
 from hsslam_batch.attempt.commit import commit
 from hsslam_batch.attempt.outcome import Outcome
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 
