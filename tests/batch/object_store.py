@@ -3,6 +3,7 @@
 import http.client
 import itertools
 import threading
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -25,6 +26,8 @@ def object_store() -> Iterator[tuple[str, Any]]:
     host, port = server.get_host_and_port()
     url = f"http://{host}:{port}"
     keys = {"aws_access_key_id": "a", "aws_secret_access_key": "b", "region_name": "us-east-1"}
+    # all servers of a process have the same buckets
+    urllib.request.urlopen(urllib.request.Request(f"{url}/moto-api/reset", method="POST"))
     client = boto3.client("s3", endpoint_url=url, **keys)
     client.create_bucket(Bucket=BUCKET)
     try:
