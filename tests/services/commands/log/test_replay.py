@@ -15,6 +15,7 @@ from hsslam_services.commands.log.replay_step import StepByStep
 from hsslam_services.log.reading.reader import bus_messages
 from tests.services.log.sample_log import write_log
 from tests.services.wire_samples import pose
+from tests.until import until
 
 _DELAY_S = 8.0  # for a listener to connect, on a busy machine
 
@@ -34,6 +35,9 @@ def test_a_log_is_published_again_byte_for_byte_at_twice_the_rate(tmp_path):
             for topic in (topics.FRAME, topics.POSE, topics.MESH, topics.EVENT)
         }
         replay.join()
+        until(
+            lambda: heard["out/mesh"].received and heard["out/pose"].received == 20
+        )  # the last ones
         got = {name: [] for name in heard}
         for name, subscription in heard.items():
             while (received := subscription.poll_received()) is not None:
