@@ -1,4 +1,4 @@
-"""Size of a PNG or JPEG from its first bytes, and whether a JPEG ends: OpenCV has no such functions."""
+"""Size of a PNG or JPEG from its first bytes, and whether it has its end: OpenCV has no such functions."""
 
 import struct
 from collections.abc import Iterator
@@ -8,7 +8,9 @@ from typing import Literal
 LARGEST_PIXELS = 2**26  # 8192 x 8192: the limit for images of all sources
 _PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # by colour type; palettes hold RGB
+PNG_START, _PNG_END = _PNG[:4], b"IEND\xaeB`\x82"
 _JPEG, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_TAIL_BYTES = 256  # some writers pad after the end marker
 _SCAN = 0xDA
 _STANDALONE = {0x01, *range(0xD0, 0xD9)}  # markers without a length
 _NO_FRAME = {0xC4, 0xC8, 0xCC}  # of the range of frame headers: tables and extensions
@@ -49,7 +51,15 @@ def _png_header(fields: bytes) -> ImageHeader | None:
     return None if channels is None else ImageHeader("png", width, height, channels, bits)
 
 
-def has_jpeg_end(data: bytes | memoryview) -> bool:
+def has_end(data: bytes | memoryview) -> bool:
+    """Whether a PNG or JPEG has its end marker; true for other formats."""
+    tail = bytes(data[-_TAIL_BYTES:])
+    if bytes(data[:4]) == PNG_START:
+        return _PNG_END in tail
+    return bytes(data[:2]) != _JPEG or _JPEG_END in tail or _ends_behind_scan(data)
+
+
+def _ends_behind_scan(data: bytes | memoryview) -> bool:
     """Whether a JPEG has an end marker behind the beginning of its first scan, whatever follows.
 
     The end of a thumbnail in its header does not count. Coded pixels never hold the bytes of the marker.

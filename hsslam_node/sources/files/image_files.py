@@ -6,11 +6,7 @@ import numpy as np
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_decoding import decoded_as_stored, decoded_mask, decoded_rgb
-from hsslam_node.image_header import LARGEST_PIXELS, has_jpeg_end, image_header
-
-_PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-_TAIL_BYTES = 256  # some writers pad after the end marker
+from hsslam_node.image_header import LARGEST_PIXELS, has_end, image_header
 
 
 class BadImageError(Exception):
@@ -111,10 +107,7 @@ def _expect_whole(data: bytes | np.ndarray, name: str, camera: Camera | None) ->
     view = np.frombuffer(data, np.uint8).data
     expect_header(view, name, camera)
     # libjpeg fills what is missing with grey and calls it a success, so look for the end marker.
-    start, tail = bytes(data[:4]), bytes(data[-_TAIL_BYTES:])
-    if (start.startswith(_PNG_START) and _PNG_END not in tail) or (
-        start.startswith(_JPEG_START) and _JPEG_END not in tail and not has_jpeg_end(view)
-    ):
+    if not has_end(view):
         raise BadImageError(f"{name}: truncated at {len(data)} bytes")
 
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.image_header import PNG_START
 from hsslam_node.sources.files.image_files import (
     BadImageError,
     decode_color,
@@ -43,7 +44,6 @@ _CHANNELS = {
 }
 _GREY = ("mono8", "8UC1")
 _DEPTH = ("16UC1", "32FC1", "mono16")
-_PNG_START = b"\x89PNG"
 _PNG_BITS = 24  # offset of the bit depth in a PNG; the colour type follows
 
 
@@ -136,7 +136,7 @@ class RawImage:
     def _compressed_content(self) -> Literal["color", "grey", "depth"]:
         start = self._image_start()
         bits = self.data[start + _PNG_BITS : start + _PNG_BITS + 2].tobytes()
-        is_png = self.data[start : start + 4].tobytes() == _PNG_START
+        is_png = self.data[start : start + 4].tobytes() == PNG_START
         if self.encoding.startswith(_DEPTH) or "compressedDepth" in self.encoding:
             return "depth"
         if is_png and bits == b"\x10\0":  # 16 bits, grey
@@ -145,7 +145,7 @@ class RawImage:
 
     def _image_start(self) -> int:
         """Bytes that image_transport's compressedDepth puts before a PNG: 12 or none."""
-        return 12 if self.data[12:16].tobytes() == _PNG_START else 0
+        return 12 if self.data[12:16].tobytes() == PNG_START else 0
 
     def _compressed_depth(self) -> np.ndarray:
         """Depth of a 16-bit PNG, without the 12 bytes that compressedDepth puts before it."""
