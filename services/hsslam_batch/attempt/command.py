@@ -116,4 +116,4 @@ def _report(as_json: bool, outcome: Outcome) -> None:
     elif outcome.is_done:
         print(f"{outcome.name}: done, {outcome.tracked} of {outcome.frames} frames tracked")
     else:
-        print(f"{outcome.name}: {outcome.kind}: {outcome.reason}", file=sys.stderr)
+        print(outcome.failure, file=sys.stderr)

@@ -47,6 +47,11 @@ class Outcome(msgspec.Struct, frozen=True):
         return self.kind == "done"
 
     @property
+    def failure(self) -> str:
+        """Why the attempt failed, in one line."""
+        return f"{self.name}: {self.kind}: {self.reason}"
+
+    @property
     def is_left(self) -> bool:
         """Whether the command that made this attempt makes a further one, or the next `run` does: a store
         that failed says nothing about the log."""

@@ -88,12 +88,12 @@ class BatchProgress:
         self.tally.settle(outcome)
         self._write("done" if outcome.is_done else "failed", outcome)
         if not outcome.is_done:
-            self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
+            self.say(outcome.failure)
 
     def left(self, outcome: Outcome) -> None:
         """Record a log whose last attempt has ended without a row, so that the next `run` takes it."""
         self._write("left", outcome)
-        self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
+        self.say(outcome.failure)
 
     def tried_again(self, outcome: Outcome) -> None:
         """Record a failed attempt whose log is tried again."""

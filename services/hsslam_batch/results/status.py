@@ -1,7 +1,6 @@
 """`hsslam-batch status`: counts logs done, failed and left; in a file of its own, as it needs no table."""
 
 import sys
-from collections import Counter
 from collections.abc import Sequence
 
 from hsslam_batch.attempt.commit import all_settled
@@ -25,17 +24,12 @@ def status_command(args: Sequence[str]) -> int:
     logs = read_manifest(batch.out)
     found = all_settled(batch, logs)
     rows = {log_id: outcome for log_id, outcome in found.items() if not outcome.is_left}
-    counts: Counter[str] = Counter()
-    frames = 0
     for log in logs:
         outcome = rows.get(log.id)
-        state = "left" if outcome is None else "done" if outcome.is_done else "failed"
-        counts[state] += 1
-        if outcome is not None and outcome.is_done:
-            frames += outcome.frames
-        elif outcome is not None:
-            words = f"{log.name}: {outcome.kind}: {outcome.reason}"
-            print(f"{words} (attempt {outcome.attempt})", file=sys.stderr)
-    states = ", ".join(f"{counts[state]} {state}" for state in ("done", "failed", "left"))
-    print(f"{len(logs)} logs: {states}; {frames_of(frames, Tally(logs, rows.values()).frames)}")
-    return _LEFT if counts["left"] else _FAILED if counts["failed"] else 0
+        if outcome is not None and not outcome.is_done:
+            print(f"{outcome.failure} (attempt {outcome.attempt})", file=sys.stderr)
+    tally = Tally(logs, rows.values())
+    frames = sum(outcome.frames for outcome in rows.values() if outcome.is_done)
+    states = f"{tally.done} done, {tally.failed} failed, {tally.left} left"
+    print(f"{len(logs)} logs: {states}; {frames_of(frames, tally.frames)}")
+    return _LEFT if tally.left else _FAILED if tally.failed else 0
