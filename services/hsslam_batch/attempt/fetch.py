@@ -29,8 +29,8 @@ def main() -> int:
     """Fetch a log; exit code 0 if it is complete, 2 if it is too large or differs from the plan, 1 if the
     store or the disk fails."""
     out, index, folder, most_gb, patience_s = sys.argv[1:]
-    log = (out, int(index))
-    return exit_code(lambda: _fetch(*log, Path(folder), float(most_gb), float(patience_s)))
+    limits = float(most_gb), float(patience_s)
+    return exit_code(lambda: _fetch(out, int(index), Path(folder), *limits))
 
 
 def fetched_place(folder: Path, log: Log) -> Path:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hsslam_batch.attempt.fetch import remove_fetched
+from hsslam_batch.plan.folder_size import folder_nbytes
 
 _CLAIM = ".claim"  # in the folder of a log: its size in bytes
 
@@ -35,7 +36,7 @@ class _Other:
 
 @contextlib.contextmanager
 def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[Room]:
-    """A folder for a log of so many bytes, with room for it on the disk; at the end the folder is removed.
+    """Make a folder for a log of `nbytes` bytes, wait for room on its disk, and remove it after the block.
 
     While the logs of other attempts take the room, it calls `pause` and looks again.
 
@@ -58,7 +59,7 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
 def _claimed(nbytes: int, folder: Path, claim_fd: int) -> bool:
     """Whether the log fits now and its room is claimed."""
     with _locked(folder.parent):
-        free, lack = shutil.disk_usage(folder).free, nbytes - _size(folder)
+        free, lack = shutil.disk_usage(folder).free, nbytes - folder_nbytes(folder)
         others = list(_others(folder))
         if lack + sum(other.rest for other in others) <= free:
             os.truncate(claim_fd, 0)
@@ -76,7 +77,7 @@ def _others(folder: Path) -> Iterator[_Other]:
     """The logs of all other attempts that live and have their room."""
     for claim in folder.parent.glob(f"*/{_CLAIM}"):
         if claim.parent != folder and (nbytes := _claim(claim)):
-            here = _size(claim.parent)
+            here = folder_nbytes(claim.parent)
             yield _Other(here, max(0, nbytes - here))
 
 
@@ -91,15 +92,6 @@ def _claim(path: Path) -> int:
     except OSError:  # it is gone, or there are no locks
         pass
     return 0
-
-
-def _size(folder: Path) -> int:
-    """Bytes of all files in a folder, some of which may be removed or renamed meanwhile."""
-    total = 0
-    for path in folder.rglob("*"):
-        with contextlib.suppress(FileNotFoundError):
-            total += path.stat().st_size if path.is_file() else 0
-    return total
 
 
 @contextlib.contextmanager

@@ -26,6 +26,7 @@ from hsslam_batch.attempt.outcome import Outcome, figures, may_try_again
 from hsslam_batch.attempt.room import room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.folder_size import folder_nbytes
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
@@ -158,7 +159,10 @@ def _attempt(
             kind, reason = "bad input", f"the log has changed during the run: {error}"
         else:
             kind, reason = judged_frames(summary_of(run_dir), expected)
-    found = figures(summary_of(run_dir)) | {"nbytes": _nbytes(run_dir), "started_ns": started_ns}
+    found = figures(summary_of(run_dir)) | {
+        "nbytes": folder_nbytes(run_dir),
+        "started_ns": started_ns,
+    }
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 
 
@@ -222,7 +226,3 @@ def _remove_arena(run_dir: Path) -> None:
     with contextlib.suppress(UserError):
         if arena := RunInfo.read(run_dir).arena_dir:
             remove_arena(Path(arena))
-
-
-def _nbytes(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

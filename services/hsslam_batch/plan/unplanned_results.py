@@ -1,10 +1,10 @@
 """Finds results of logs that are not in the plan: the logs were changed, moved or removed since their run."""
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.folder_size import folder_nbytes
 from hsslam_batch.plan.log import Log
 
 
@@ -34,12 +34,8 @@ def unplanned_results(batch: Batch, logs: Iterable[Log]) -> UnplannedResults:
     if batch.store is None:
         folders = [path for path in runs.iterdir() if path.is_dir()] if runs.exists() else []
         unplanned = [path for path in folders if path.name not in planned]
-        return UnplannedResults(len(unplanned), sum(map(_nbytes, unplanned)))
+        return UnplannedResults(len(unplanned), sum(map(folder_nbytes, unplanned)))
     names = {*batch.store.folders(batch.name(runs))} - planned
     sizes = batch.store.sizes(batch.name(runs)) if names else {}
     nbytes = sum(size for path, size in sizes.items() if path.partition("/")[0] in names)
     return UnplannedResults(len(names), nbytes)
-
-
-def _nbytes(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

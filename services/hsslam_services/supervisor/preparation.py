@@ -119,9 +119,8 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
 def _repeated_effects(options: ServeOptions) -> list[str]:
     if not log_place(options.source):
         return []
-    from hsslam_services.log.reading.source import (
-        repeated_effects,  # imports MCAP, which few runs need
-    )
+    # imports MCAP, which few runs need
+    from hsslam_services.log.reading.source import repeated_effects
 
     return repeated_effects(options)
 

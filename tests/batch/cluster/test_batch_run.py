@@ -144,12 +144,17 @@ def test_messages_that_nobody_reads_end_no_batch(tmp_path: Path, monkeypatch: py
         unread.setattr(sys, "stderr", stderr)
         run = _run(batch, Board())
         with run.progress:
-            bad = outcome(batch, 0, "bad input", reason="no log")
-            assert run.judge(Try(0), TaskResult(bad)) is None
-            run.stop.ask()
-            run.look()
-            assert run.judge(Try(1), TaskResult(outcome(batch, 1))) is None
+            _fail_stop_and_do(run, batch)
     assert (run.progress.tally.done, run.progress.tally.failed) == (1, 1)
+
+
+def _fail_stop_and_do(run: BatchRun, batch: Batch) -> None:
+    """One log fails, the batch is asked to stop, and a log that was running is done."""
+    bad = outcome(batch, 0, "bad input", reason="no log")
+    assert run.judge(Try(0), TaskResult(bad)) is None
+    run.stop.ask()
+    run.look()
+    assert run.judge(Try(1), TaskResult(outcome(batch, 1))) is None
 
 
 def test_a_terminal_that_goes_away_ends_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -164,11 +169,7 @@ def test_a_terminal_that_goes_away_ends_no_batch(tmp_path: Path, monkeypatch: py
             run.look()
             until(lambda: b"0 done" in os.read(ours, 10_000))
             os.close(ours)
-            bad = outcome(batch, 0, "bad input", reason="no log")
-            assert run.judge(Try(0), TaskResult(bad)) is None
-            run.stop.ask()
-            run.look()
-            assert run.judge(Try(1), TaskResult(outcome(batch, 1))) is None
+            _fail_stop_and_do(run, batch)
     assert (run.progress.tally.done, run.progress.tally.failed) == (1, 1)
 
 

@@ -1,4 +1,4 @@
-"""`hsslam-batch plan` tells of results of logs that are not in the plan any more, and removes none."""
+"""`hsslam-batch plan` reports results of logs that are no longer in the plan, and keeps them."""
 
 import os
 from pathlib import Path
