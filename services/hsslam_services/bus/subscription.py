@@ -29,13 +29,15 @@ _PUBLISHERS = 64  # whose sequence numbers are checked
 class Received(Generic[M]):
     """A message and its payload as received; `envelope` is None if the publisher sends none.
 
-    `missed`: number of messages dropped between the one read before and this one.
+    `arrival_ns`: by the wall clock. `missed`: number of messages dropped between the one read before and this
+    one.
     """
 
     message: M
     payload: bytes
     envelope: Envelope | None
     arrival_ns: int
+    arrival_monotonic_ns: int
     missed: int = 0
 
 
@@ -223,7 +225,7 @@ class Subscription(Generic[M]):
         message = decode(self.topic, payload, encoding)
         if isinstance(message, Rejected):
             return message
-        return Received(message, payload, envelope, time.time_ns())
+        return Received(message, payload, envelope, time.time_ns(), time.monotonic_ns())
 
     def _is_from_history(self, envelope: Envelope | None) -> bool:
         """Whether this message was already in the history of its publisher."""

@@ -75,9 +75,10 @@ class Governor:
     raises the level nor keeps it up.
 
     A frame is late if its latency exceeds the least latency of the last minute by more than a frame period;
-    the camera may thus have a clock of its own. A level that was left too early is kept twice as long the
-    next time. Any level is kept while the kernel often throttles the service, because with more work it would
-    throttle the service more often.
+    the camera may thus have a clock of its own. If one of the two clocks is set, latencies are compared with
+    those since then. A level that was left too early is kept twice as long the next time. Any level is kept
+    while the kernel often throttles the service, because with more work it would throttle the service more
+    often.
 
     Args:
         level: first level, such as that of the previous process.
@@ -90,6 +91,7 @@ class Governor:
         self._recent, self._calm = _Share(_WINDOW_S), _Share(_CALM_S)
         self._least = [float("inf"), float("inf")]  # latency, s: previous and present half minute
         self._least_since_s = float("-inf")
+        self._newest = float("inf"), float("-inf")  # latency, and time of publication, s
         self._changed_s: float | None = None  # time of the last change or of the first frame
         self._down_after_s = _DOWN_AFTER_S
         self._went_down = False
@@ -103,10 +105,10 @@ class Governor:
         latency_s: float,
         throttled_share: float = 0.0,
     ) -> bool:
-        """Take in a pose published now; returns whether the level changes.
+        """Take in a published pose; returns whether the level changes.
 
         Args:
-            now_s: monotonic clock, s.
+            now_s: time of publication by the monotonic clock, s.
             index: of the frame; frames between it and the last one count as dropped.
             stamp_s: of the sensor, s.
             latency_s: from the stamp to the pose, s; the two clocks may have an offset.
@@ -145,8 +147,18 @@ class Governor:
         if now_s - self._least_since_s > _BASELINE_S:
             self._least = [self._least[1], float("inf")]
             self._least_since_s = now_s
+        if self._was_clock_set(now_s, latency_s):
+            self._least = [float("inf"), float("inf")]
         self._least[1] = min(self._least[1], latency_s)
         return min(self._least)
+
+    def _was_clock_set(self, now_s: float, latency_s: float) -> bool:
+        """Whether the latency has risen by more than the time since the last pose, so not by lateness.
+
+        A rise by more than `_STALL_S` counts too: a clock may be set in a pause.
+        """
+        (before_s, at_s), self._newest = self._newest, (latency_s, now_s)
+        return latency_s - before_s > min(now_s - at_s, _STALL_S)
 
     def _up(self, now_s: float, at_level_s: float) -> bool:
         if self.level == len(LEVELS) - 1:

@@ -50,12 +50,13 @@ class LatencyGovernor:
         return self._governor.level
 
     def frame(self, now_s: float, index: int, stamp_ns: int, publish_ns: int) -> None:
-        """Take in a pose published now.
+        """Take in a published pose.
 
         Args:
-            now_s: monotonic clock, s.
+            now_s: time of publication by the monotonic clock, s.
             index: of the frame.
-            stamp_ns, publish_ns: of the sensor and of the pose; the two clocks may have an offset.
+            stamp_ns, publish_ns: of the sensor and of the pose; the two clocks may have an offset, and may be
+                set.
         """
         late = self._governor.late_share
         latency_s = (publish_ns - stamp_ns) / 1e9

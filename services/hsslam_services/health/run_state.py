@@ -17,6 +17,7 @@ BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
 _RECENT = 64  # poses for rate and latency
 _RECENT_S = 5.0  # older ones do not count
 _STILL_S = 1.0  # without a pose, until the rate falls
+_HEARD_S = 1.0  # by which a pose may be heard late: the loop of the supervisor takes 50 ms
 
 
 class LatencyBins:
@@ -56,6 +57,7 @@ class RunState:
     )  # of poses, by publisher of the frames
     silence: Silence = field(default_factory=Silence)
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
+    _latest: tuple[float, float] | None = None  # the last counted latency, ms, and when it was heard, s
 
     def fps(self, now_s: float) -> float:
         """Poses per second over the last seconds; falls to 0 if no poses come."""
@@ -67,7 +69,7 @@ class RunState:
 
     def latency_ms(self, now_s: float) -> float:
         """Median latency of the newest poses, from the sensor's stamp; 0 if no pose came for 5 s."""
-        latencies = [pose.latency_ms for pose in self._since(now_s)]
+        latencies = [ms for pose in self._since(now_s) if (ms := pose.latency_ms) is not None]
         return statistics.median(latencies) if latencies else 0.0
 
     def tracking(self, now_s: float) -> Literal["none", "initial", "tracked", "lost"]:
@@ -98,16 +100,30 @@ class RunState:
         self.pose = pose
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
-        latency_ms = max((pose.publish_ns - pose.stamp_ns) / 1e6, 0.0)  # < 0: a clock was set
+        latency_ms = (pose.publish_ns - pose.stamp_ns) / 1e6
+        if not self._is_possible(latency_ms, now_s):
+            self.recent.append(PoseTimes(now_s, None))
+            return
+        latency_ms = max(latency_ms, 0.0)  # the clock of a camera may be a little ahead
+        self._latest = latency_ms, now_s
         self.recent.append(PoseTimes(now_s, latency_ms))
         self.latency_bins.add(latency_ms)
 
+    def _is_possible(self, latency_ms: float, now_s: float) -> bool:
+        """Whether the latency has risen by no more than the time since the last one; else a clock was set."""
+        if latency_ms < -1e3 * _HEARD_S:
+            return False
+        if self._latest is None:
+            return True
+        before_ms, heard_s = self._latest
+        return latency_ms - before_ms <= 1e3 * (now_s - heard_s + _HEARD_S)
+
 
 class PoseTimes(NamedTuple):
-    """Arrival of a pose, by the monotonic clock, and its latency."""
+    """Arrival of a pose, by the monotonic clock, and its latency; None: unknown, as a clock was set."""
 
     heard_s: float
-    latency_ms: float
+    latency_ms: float | None
 
 
 class Listener:

@@ -130,6 +130,7 @@ class _TrackerLoop:
             return
         received = Received(message, place, arrival_ns, taken_ns, decoded_ns, pose_version)
         publish_ns = self._poses.put(result, received)
+        published_s = time.monotonic()
         self._order.take(place)
         if result.joined is not None:
             self._join(result.joined)
@@ -138,7 +139,7 @@ class _TrackerLoop:
         self._events.take(result)
         self._asked.take(result)
         if self._is_realtime:
-            self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
+            self._governor.frame(published_s, message.index, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             level = LEVELS[self._governor.level]

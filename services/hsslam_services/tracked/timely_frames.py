@@ -17,11 +17,11 @@ class TimelyFrames:
     If the tracker is slower than the camera, this class drops frames: it drops a frame if a newer one waits
     too, and the frame has waited for more than half of the time between their stamps.
 
-    `now_ns`: the clock of the arrivals, ns.
+    `now_ns`: the monotonic clock, ns.
     """
 
     def __init__(
-        self, frames: Subscription[Frame], now_ns: Callable[[], int] = time.time_ns
+        self, frames: Subscription[Frame], now_ns: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self._frames = frames
         self._now_ns = now_ns
@@ -44,4 +44,4 @@ class TimelyFrames:
 
     def _is_late(self, older: Received[Frame], newer: Received[Frame]) -> bool:
         period_ns = newer.message.stamp_ns - older.message.stamp_ns
-        return 2 * (self._now_ns() - older.arrival_ns) > period_ns
+        return 2 * (self._now_ns() - older.arrival_monotonic_ns) > period_ns

@@ -9,23 +9,28 @@ _PERIOD_S = 1 / 30
 
 
 class _Camera:
-    """Frames at 30 Hz whose clock is 5 s behind ours; `latency_s` and drops are given."""
+    """Frames at 30 Hz whose clock is `ours_s` behind ours; `latency_s` and drops are given."""
 
     def __init__(self, governor: Governor) -> None:
         self.governor = governor
         self.index = 0
+        self.ours_s = 5.0
+        self.paused_s = 0.0
+        self.published_s = 0.0
         self.changes: list[tuple[float, int]] = []
 
     @property
     def now_s(self) -> float:
-        return self.index * _PERIOD_S
+        return self.index * _PERIOD_S + self.paused_s
 
     def run(self, seconds: float, latency_s: float, late_every: int = 1, drop: int = 0) -> None:
         end = self.now_s + seconds
         while self.now_s < end:
             self.index += 1 + drop
             late = latency_s if self.index % late_every == 0 else 0.015
-            if self.governor.frame(self.now_s, self.index, self.now_s, 5.0 + late):
+            self.published_s = max(self.published_s, self.now_s + late)  # poses come in order
+            latency_s_by_stamp = self.published_s - self.now_s + self.ours_s
+            if self.governor.frame(self.published_s, self.index, self.now_s, latency_s_by_stamp):
                 self.changes.append((self.now_s, self.governor.level))
 
 
@@ -38,7 +43,7 @@ def test_a_fast_machine_gives_nothing_up():
 @pytest.mark.parametrize(
     ("how", "levels"),
     [
-        ({"latency_s": 0.09, "late_every": 8}, [1, 2, 3, 4, 5, 6]),
+        ({"latency_s": 0.06, "late_every": 8}, [1, 2, 3, 4, 5, 6]),
         ({"latency_s": 0.09, "late_every": 2}, [2, 4, 6]),
         ({"latency_s": 0.015, "drop": 1}, [2, 4, 6]),
     ],
@@ -92,7 +97,7 @@ def test_one_late_frame_now_and_then_changes_nothing():
 @pytest.mark.parametrize(("late_every", "level"), [(150, 0), (50, len(LEVELS) - 1)])
 def test_it_goes_down_if_at_most_one_frame_in_a_hundred_is_late(late_every: int, level: int):
     camera = _Camera(Governor(len(LEVELS) - 1))
-    camera.run(120, 0.2, late_every=late_every)
+    camera.run(120, 0.06, late_every=late_every)
     assert camera.governor.level == level
 
 
@@ -103,6 +108,23 @@ def test_a_gap_and_a_camera_that_counts_anew_are_no_load():
     assert not governor.frame(camera.now_s + 60, camera.index + 1, camera.now_s + 60, 5.015)
     assert not governor.frame(camera.now_s + 61, 0, 0.0, 5.015)
     assert governor.level == 0
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 30.0, 3600.0])
+def test_a_clock_that_is_set_is_no_load_and_later_load_is_seen(step_s: float):
+    camera = _Camera(Governor())
+    camera.run(10, 0.015)
+    for ours_s in (5.0 + step_s, 5.0):  # our clock, while one frame is in flight
+        camera.ours_s = ours_s
+        camera.run(_PERIOD_S / 2, 0.015)
+    camera.run(90, 0.015)
+    for _ in range(2):  # the clock of another machine, for good; the second time in a pause
+        camera.ours_s += step_s
+        camera.run(90, 0.015)
+        camera.paused_s += 60
+    assert camera.changes == []
+    camera.run(5, 0.09)
+    assert camera.governor.level > 0
 
 
 def test_a_restarted_tracker_goes_on_at_the_level():
@@ -122,10 +144,13 @@ def test_each_level_takes_more_than_the_one_before():
 @pytest.mark.parametrize("rate_hz", [1, 5, 30])
 def test_a_slow_camera_is_judged_by_as_many_frames(rate_hz: int):
     calm, late = Governor(5), Governor()
+    published_s = 0.0
     for index in range(120 * rate_hz):
         now_s = index / rate_hz
-        calm.frame(now_s, index, now_s, 0.02)
-        late.frame(now_s, index, now_s, 0.02 if index % 2 else 0.3 + 1 / rate_hz)
+        calm.frame(now_s + 0.02, index, now_s, 0.02)
+        latency_s = 0.02 if now_s % 20 < 2 else 0.3 + min(1 / rate_hz, 0.2)
+        published_s = max(published_s, now_s + latency_s)  # poses come in order
+        late.frame(published_s, index, now_s, published_s - now_s)
     assert calm.level == 0
     assert late.level == len(LEVELS) - 1
 

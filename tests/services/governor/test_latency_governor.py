@@ -42,7 +42,8 @@ def test_late_poses_raise_the_shared_level_which_is_counted_and_told(level: Shar
     def run(seconds: range, latency_s: float) -> None:
         for index in range(30 * seconds.start, 30 * seconds.stop):  # a camera of 30 Hz
             at_s = index / 30
-            governor.frame(at_s, index, round(1e9 * at_s), round(1e9 * (at_s + latency_s)))
+            published_s = at_s + latency_s
+            governor.frame(published_s, index, round(1e9 * at_s), round(1e9 * published_s))
 
     run(range(10), 0.01)
     assert level.number == 0 and counted == ["frames at load level 0"] * 300 and not told

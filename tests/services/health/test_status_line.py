@@ -85,6 +85,22 @@ def test_frames_that_are_sent_again_count_once():
     assert state.pose is not None and state.pose.publisher == 5
 
 
+def test_a_clock_that_is_set_spoils_no_latency():
+    state, hour_ns = RunState(), 3600 * 10**9
+    for index in range(40):
+        sent = _pose(index)
+        if index == 10 or index >= 30:  # once, as a frame was in flight; then for good
+            sent = msgspec.structs.replace(sent, publish_ns=sent.publish_ns + hour_ns)
+        if index == 20:
+            sent = msgspec.structs.replace(sent, stamp_ns=sent.stamp_ns + hour_ns)
+        state.posed(sent, 100 + index / 30)
+    now_s = 100 + 39 / 30
+    assert state.latency_ms(now_s) == pytest.approx(25)
+    counted = state.latency_bins.cumulative()[-1]
+    assert counted == 28 and state.latency_bins.sum_ms == pytest.approx(25 * counted)
+    assert state.fps(now_s) == pytest.approx(30) and state.tracked == 40
+
+
 def test_rates_age_and_silence_is_seen():
     state = RunState()
     for index in range(30):

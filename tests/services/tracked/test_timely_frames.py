@@ -40,7 +40,7 @@ def test_a_burst_is_taken_whole_and_late_frames_are_dropped(endpoint: str):
     moved_ns = -_FAR_NS  # of the clock: no frame is late
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "tracker") as bus:
         frames = bus.subscribe(topics.FRAME, DEPTH)
-        timely = TimelyFrames(frames, lambda: time.time_ns() + moved_ns)
+        timely = TimelyFrames(frames, lambda: time.monotonic_ns() + moved_ns)
         camera = _Camera(outside.publisher(topics.FRAME), frames)
 
         camera.burst(1, 2, 3)
