@@ -68,7 +68,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         while recorders & living_processes(arena_dir).keys() and time.monotonic() < deadline:
             time.sleep(_POLL_S)
         log = read_result(run_dir, "recorder").summary
-        reason = {"stop_reason": "the supervisor was killed", "not_saved": not_saved}
+        reason = {"stop_reason": "the supervisor crashed or was killed", "not_saved": not_saved}
         update_summary(run_dir, {**log, **reason})
     except (UserError, OSError) as error:
         _report(f"error: {error}")

@@ -18,10 +18,10 @@ class ExitCode(IntEnum):
 MEANINGS: Mapping[ExitCode, str] = MappingProxyType(
     {
         ExitCode.SAVED: "the run is complete, everything is saved",
-        ExitCode.CUT_SHORT: "a second signal ended the run at once, or the supervisor crashed",
+        ExitCode.CUT_SHORT: "a second signal ended the run at once",
         ExitCode.BAD_INPUT: "the input is bad, found before the first map",
         ExitCode.FAILED: "a failure ended the run, everything is saved",
-        ExitCode.NOT_SAVED: "a result is not saved; the last lines name it and the remedy",
+        ExitCode.NOT_SAVED: "a result is not saved, or the supervisor crashed; the last lines say what to do",
     }
 )
 

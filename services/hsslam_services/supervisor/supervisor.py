@@ -7,9 +7,10 @@ Arena: reads pose_log; writes map_state
 
 import contextlib
 import subprocess
+import traceback
 from collections.abc import Callable, Mapping
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.kernels.cache_folder import has_run_kernels
 from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
@@ -44,8 +45,8 @@ class Supervisor:
     def run(self) -> ExitCode:
         """Start everything, keep it running, stop in order.
 
-        If this raises anything but a `UserError`, or this process is killed, the watchdog saves the results
-        in the arena.
+        If this process crashes or is killed during the run, the watchdog saves the results in the arena. The
+        exit code after a crash makes a service manager restart the service.
 
         Raises:
             UserError: the run cannot start.
@@ -57,6 +58,17 @@ class Supervisor:
             raise KeyboardInterrupt
         allow_descriptors()
         prepared = prepare(self._options, lambda: self._signals > 0)
+        try:
+            return self._run(prepared)
+        except UserError:
+            raise
+        except Exception as error:  # of any kind, also without memory or room on the disk
+            how = f"the supervisor crashed ({one_line(error)})"
+            to = f"its watchdog saves the results to {prepared.info.run_dir}"
+            say_at_end(f"{traceback.format_exc()}error: {how}: {to}")
+            return ExitCode.NOT_SAVED
+
+    def _run(self, prepared: Prepared) -> ExitCode:
         info, arena = prepared.info, prepared.arena
         fork_client = ForkClient(info.path)
         watchdog: subprocess.Popen | None = None
