@@ -76,8 +76,9 @@ class Locate(RequestMessage, frozen=True, kw_only=True):
 class Status(Message, frozen=True, kw_only=True):
     """State of the run; counts since its start, rate and latency of the last seconds.
 
-    `map_epoch`: number of resets so far; `keyframes` and `map_version` are those of the current map.
-    `load_level`: how much work the service leaves out to keep the latency low, 0: none.
+    `tracking` and `quality` are those of the last pose; `none` and 0 before the first, and if no further one
+    came for 5 s, or for twice the time between the last two poses if that is longer. `map_epoch`: number of
+    resets so far; `keyframes` and `map_version` are those of the current map. `load_level`: how much work the service leaves out to keep the latency low, 0: none.
     """
 
     run_id: Name

@@ -73,9 +73,18 @@ class RunState:
         return statistics.median(latencies) if latencies else 0.0
 
     def tracking(self, now_s: float) -> Literal["none", "initial", "tracked", "lost"]:
-        """Status of the last pose; "none" before the first, or if frames come without a pose for 5 s."""
-        is_silent = self.silence.seconds(now_s) > _RECENT_S
-        return "none" if self.pose is None or is_silent else self.pose.status
+        """Status of the last pose; "none" before the first, and if no further one came for 5 s, or for twice
+        the time between the last two if that is longer."""
+        age_s = self.pose_age_s(now_s)
+        if self.pose is None or age_s is None or self.silence.seconds(now_s) > _RECENT_S:
+            return "none"
+        times = [pose.heard_s for pose in self.recent][-2:]
+        is_old = age_s > max(_RECENT_S, 2 * (times[-1] - times[0]))
+        return "none" if is_old else self.pose.status
+
+    def pose_age_s(self, now_s: float) -> float | None:
+        """Time since the last pose, s; None before the first."""
+        return now_s - self.recent[-1].heard_s if self.recent else None
 
     def _since(self, now_s: float) -> "list[PoseTimes]":
         return [pose for pose in self.recent if now_s - pose.heard_s <= _RECENT_S]

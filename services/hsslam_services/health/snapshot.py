@@ -28,6 +28,7 @@ class Snapshot:
     health: Mapping[str, Health]  # last heartbeat of each living process
     taken_s: float
     silent_s: float = 0.0  # how long frames have come without a pose
+    pose_age_s: float | None = None  # since the last pose; None before the first
     certificate_days: float | None = None  # until it expires; None without `security`
 
 
@@ -39,6 +40,7 @@ def take_snapshot(
     certificate_days: float | None = None,
 ) -> Snapshot:
     """Take a snapshot: copies of all data that changes."""
+    now_s = time.monotonic()
     return Snapshot(
         status=status,
         needed=frozenset(
@@ -50,8 +52,9 @@ def take_snapshot(
         rejected=dict(rejected),
         certificate_days=certificate_days,
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
-        taken_s=time.monotonic(),
-        silent_s=0.0 if status.state == "stopping" else state.silence.seconds(time.monotonic()),
+        taken_s=now_s,
+        silent_s=0.0 if status.state == "stopping" else state.silence.seconds(now_s),
+        pose_age_s=state.pose_age_s(now_s),
     )
 
 
@@ -59,7 +62,8 @@ def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[in
     """HTTP status code and body. 200: all needed processes run, or the run is stopping; else 503.
 
     `status` in the body: ok, paused, degraded (a process that is not needed is missing), stopping;
-    starting, down, hung, silent (frames, but no pose for 5 s).
+    starting, down, hung, silent (frames, but no pose for 5 s). A camera that sends nothing is no fault of the
+    service: `pose_age_s` and `tracking` tell it.
     """
     if snapshot is None:
         return 503, {"status": "starting"}
@@ -76,6 +80,7 @@ def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[in
         "tracking": run.tracking,
         "fps": round(run.fps, 1),
         "silent_s": round(snapshot.silent_s, 1),
+        "pose_age_s": None if snapshot.pose_age_s is None else round(snapshot.pose_age_s, 1),
     }
     return 503 if body["status"] in ("starting", "down", "hung", "silent") else 200, body
 

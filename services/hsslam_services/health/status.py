@@ -27,6 +27,7 @@ def run_status(
 ) -> Status:
     """The answer to the request `status`; before the first pose, `phase` running becomes starting."""
     pose, now_s = state.pose, time.monotonic()
+    tracking = state.tracking(now_s)
     is_starting = pose is None and phase == "running"
     return Status(
         run_id=run.run_id,
@@ -41,8 +42,8 @@ def run_status(
         frames_dropped=frames_dropped(children),
         fps=state.fps(now_s),
         latency_ms=state.latency_ms(now_s),
-        tracking=state.tracking(now_s),
-        quality=0.0 if pose is None else pose.quality,
+        tracking=tracking,
+        quality=0.0 if pose is None or tracking == "none" else pose.quality,
         keyframes=state.last_keyframe + 1,
         map_version=state.map.version if state.map else 0,
         ba_rounds=state.ba_rounds,

@@ -74,7 +74,7 @@ class StatusLine:
 
 
 def _quality(pose: Pose | None) -> str:
-    """Tracking quality, with the fragment if there is one; "lost", or "-" before the first pose."""
+    """Tracking quality, with the fragment if there is one, or "lost"; "-" before the first pose."""
     if pose is None:
         return "-"
     if pose.fragment:
@@ -91,12 +91,12 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     length = children["camera"].counted("source_frames") if "camera" in children else 0
     frames = length or frames_sent(children, state)
     now_s = time.monotonic()
-    is_silent = state.tracking(now_s) == "none"
+    has_none = state.tracking(now_s) == "none"
     quality = _quality(pose)
     frame = "-" if pose is None else str(pose.index)
     text = Text(
         f"frame {frame}/{frames}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "
-        f"quality {'-' if is_silent else quality}  "
+        f"quality {'-' if has_none else quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
         f"dropped {frames_dropped(children)}  lost {state.lost}  memory {memory_mb} MB  "
     )

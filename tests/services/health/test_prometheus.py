@@ -1,5 +1,7 @@
 """What Prometheus reads is what the run says."""
 
+import dataclasses
+
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -45,6 +47,12 @@ def test_every_number_arrives():
     assert read["hsslam_state", "running"] == 1
     assert read["hsslam_state", "paused"] == 0
     assert any('tum:a "quoted" name' in key for key in read)
+
+
+def test_the_age_of_the_last_pose_arrives_as_soon_as_there_is_one():
+    aged = dataclasses.replace(snapshot(), pose_age_s=7200.0)
+    assert _read(exposition(aged)[0])["hsslam_pose_age_seconds",] == 7200.0
+    assert ("hsslam_pose_age_seconds",) not in _read(exposition(snapshot())[0])
 
 
 def test_latencies_are_a_histogram_in_seconds():

@@ -40,6 +40,13 @@ def test_frames_without_poses_are_no_health():
         assert (found, body["status"], body["silent_s"]) == (code, word, silent_s)
 
 
+@pytest.mark.parametrize(("age_s", "told"), [(None, None), (7200.04, 7200.0)])
+def test_a_camera_that_sends_nothing_is_no_fault_and_the_age_of_its_last_pose_is_told(age_s, told):
+    quiet = dataclasses.replace(snapshot(tracking="none", fps=0.0), pose_age_s=age_s)
+    code, body = health_of(quiet, _NOW_S)
+    assert (code, body["status"], body["tracking"], body["pose_age_s"]) == (200, "ok", "none", told)
+
+
 def test_a_supervisor_that_hangs_and_one_that_only_begins():
     assert health_of(snapshot(), 111.0)[0] == 503
     assert health_of(snapshot(), 111.0)[1]["status"] == "hung"

@@ -8,20 +8,32 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from hsslam_proto.run_messages import Health, TopicCounts
+from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import RunState
-from hsslam_services.health.status import frames_dropped, process_section
+from hsslam_services.health.status import frames_dropped, process_section, run_status
 from hsslam_services.health.status_line import status_text
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import PROCESSES
+from tests.services.wire_samples import pose
 
 
 def test_the_seconds_of_a_run_do_not_follow_the_wall_clock(run_info):
     run = dataclasses.replace(run_info, started_ns=time.time_ns() + 10**15)  # it was set back since
     state = RunState(started_s=100.0)
     assert process_section(run, {}, state, "interrupted", 190.5)["seconds"] == 90.5
+
+
+@pytest.mark.parametrize(("age_s", "tracking", "quality"), [(0, "tracked", 0.9), (60, "none", 0)])
+def test_status_tells_no_old_pose_as_the_present_one(run_info, age_s, tracking, quality):
+    state = RunState()
+    state.posed(msgspec.structs.replace(pose(1), quality=0.9), time.monotonic() - age_s)
+    with Bus(run_info.endpoint, "robot", "supervisor") as bus:
+        told = run_status(run_info, state, {}, bus.requests(), "running", 0)
+    assert (told.tracking, told.quality) == (tracking, quality)
 
 
 @pytest.fixture

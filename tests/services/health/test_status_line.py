@@ -55,6 +55,16 @@ def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
     assert "lost 1" in status_text(state, children).plain
 
 
+def test_the_quality_of_a_pose_goes_with_its_age_unless_poses_take_long(tmp_path: Path):
+    state, now_s = RunState(), time.monotonic()
+    assert state.pose_age_s(now_s) is None and state.tracking(now_s) == "none"
+    for index in range(2):
+        state.posed(_pose(index), now_s - 3608 + 8 * index)
+    assert "quality - " in status_text(state, _children(tmp_path)).plain
+    assert state.tracking(now_s - 3600 + 15) == "tracked"  # each takes 8 s, as in lockstep
+    assert state.tracking(now_s - 3600 + 17) == "none"
+
+
 def test_plain_output_is_one_line_now_and_then(tmp_path: Path):
     out = io.StringIO()
     with StatusLine(Console(file=out, width=40)) as line:
@@ -110,7 +120,9 @@ def test_rates_age_and_silence_is_seen():
     assert 5 < state.fps(last_s + 3) < 10  # none came for 3 s
     assert state.latency_ms(last_s + 3) == pytest.approx(25)
     assert state.fps(last_s + 6) == state.latency_ms(last_s + 6) == 0
-    assert state.tracking(last_s + 60) == "tracked"  # no frame came either
+    assert state.tracking(last_s + 4) == "tracked"
+    assert state.tracking(last_s + 6) == "none"  # no frame came either
+    assert state.pose_age_s(last_s + 6) == pytest.approx(6)
     for second in range(8):
         frames = {"in/frame": TopicCounts(received=100 + second)}
         beat = Health(process="tracker", pid=7, state="running", rss_bytes=1, topics=frames)
