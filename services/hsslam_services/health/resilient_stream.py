@@ -1,6 +1,7 @@
 """Standard error, written by a thread: a slow or closed reader or a full disk loses lines, but never blocks
 or ends the run."""
 
+import contextlib
 import errno
 import io
 import os
@@ -20,7 +21,7 @@ class ResilientStream(io.TextIOBase):
     """Writes to the file descriptor of `stream` in a thread, without the buffers of `stream`.
 
     If the reader does not read, the newest texts are dropped once 512 wait; a full disk drops texts too.
-    Their number is written later. If the reader is gone (closed pipe or terminal), all output is discarded.
+    Their number is written later. If no thread can be started, texts wait until one can. If the reader is gone (closed pipe or terminal), all output is discarded.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -40,19 +41,26 @@ class ResilientStream(io.TextIOBase):
         return self._stream.isatty()
 
     def write(self, text: str, /) -> int:
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._write_all, name="stderr", daemon=True)
-            self._thread.start()
+        self._start()
         try:
             self._waiting.put_nowait(text)
         except queue.Full:
             self._left_out += 1
         return len(text)
 
+    def _start(self) -> None:
+        """Start the thread unless it runs; does nothing if this machine has no thread left."""
+        if self._thread is None:
+            thread = threading.Thread(target=self._write_all, name="stderr", daemon=True)
+            with contextlib.suppress(RuntimeError, MemoryError):
+                thread.start()
+                self._thread = thread
+
     def drain(self, timeout_s: float) -> None:
         """Wait until all text is written, at most `timeout_s`."""
         deadline_s = time.monotonic() + timeout_s
         while self._waiting.unfinished_tasks and time.monotonic() < deadline_s:
+            self._start()
             time.sleep(_POLL_S)
 
     def _write_all(self) -> None:

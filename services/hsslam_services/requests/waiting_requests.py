@@ -4,6 +4,7 @@ import queue
 import threading
 from collections.abc import Callable
 
+from hsslam_node.errors import one_line
 from hsslam_services.bus.requests import PendingRequest
 
 _MOST_WAITING = 16  # up to a megabyte each
@@ -12,7 +13,7 @@ _MOST_WAITING = 16  # up to a megabyte each
 class WaitingRequests:
     """Calls `answer` for each request in turn; if that raises, it refuses the request and goes on.
 
-    The thread starts with the first request.
+    The thread starts with the first request; a request for which it cannot start is refused.
     """
 
     def __init__(self, name: str, answer: Callable[[PendingRequest], None]) -> None:
@@ -24,13 +25,18 @@ class WaitingRequests:
     def add(self, asked: PendingRequest) -> None:
         """Answer the request soon; refused if too many wait. Never blocks."""
         try:
+            self._start()
             self._waiting.put_nowait(asked)
         except queue.Full:
             asked.refuse("busy", f"{asked.request.name}: {_MOST_WAITING} requests wait already")
-            return
+        except (RuntimeError, MemoryError) as error:  # this machine has no thread left
+            asked.refuse("failed", f"{asked.request.name}: {one_line(error)}")
+
+    def _start(self) -> None:
         if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name=self._name, daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._work, name=self._name, daemon=True)
+            thread.start()
+            self._thread = thread
 
     def _work(self) -> None:
         while True:

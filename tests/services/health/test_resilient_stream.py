@@ -2,13 +2,15 @@
 
 import os
 import re
+import threading
 import time
 from pathlib import Path
 from typing import TextIO, cast
 
+import pytest
 from rich.console import Console
 
-from hsslam_services.health.resilient_stream import ResilientStream
+from hsslam_services.health.resilient_stream import ResilientStream, say_at_end
 from hsslam_services.health.status_line import StatusLine
 
 
@@ -68,3 +70,18 @@ def test_a_full_disk_costs_the_lines_that_it_does_not_take(tmp_path: Path):
         resilient.drain(10)
     told = "(2 lines left out: stderr was not read, or the disk was full)"
     assert file.read_text() == f"heard\n{told}\n"
+
+
+def test_last_words_are_said_though_a_thread_fails_to_start_once(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    start, failures = threading.Thread.start, [RuntimeError("can't start new thread")]
+
+    def start_later(thread: threading.Thread) -> None:
+        if failures:
+            raise failures.pop()
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start_later)
+    say_at_end("heard")
+    assert capfd.readouterr().err == "heard\n"
