@@ -11,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_decoding import decoded_rgb
+from hsslam_node.image_header import image_header
 from hsslam_node.sources.cameras.driver import chosen_camera, driver
 from hsslam_node.sources.cameras.watched import WatchedCamera
 from hsslam_node.sources.files.undistortion import Undistortion
@@ -162,9 +163,11 @@ def rgb_image(data: np.ndarray, form: str, width: int, height: int) -> np.ndarra
         if form in _FROM_YUV:
             return cv2.cvtColor(data.reshape(height, width, 2), _FROM_YUV[form])
         if form == "MJPG":
-            decoded = decoded_rgb(data)
-            if decoded is not None and decoded.shape[:2] == (height, width):
-                return decoded
+            header = image_header(data.data)
+            if header is not None and (header.width_px, header.height_px) == (width, height):
+                decoded = decoded_rgb(data)
+                if decoded is not None and decoded.shape[:2] == (height, width):
+                    return decoded
             raise ValueError
     except ValueError:
         raise UserError(

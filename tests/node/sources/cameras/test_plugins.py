@@ -1,6 +1,7 @@
 """Orbbec and OAK-D without hardware: what is missing is one line, and their frames become ours."""
 
 import importlib.util
+import resource
 from datetime import timedelta
 
 import cv2
@@ -66,6 +67,16 @@ def test_colour_of_orbbec_in_each_format():
 def test_what_is_no_colour_is_told(data, form, words):
     with pytest.raises(UserError, match=words):
         rgb_image(np.frombuffer(data, np.uint8), form, 6, 4)
+
+
+def test_a_jpeg_of_another_size_by_its_header_is_not_decoded():
+    jpeg = bytearray(cv2.imencode(".jpg", _COLOR)[1])
+    size = jpeg.index(b"\xff\xc0") + 5  # height and width, of two bytes each
+    jpeg[size : size + 4] = (30_000).to_bytes(2, "big") * 2  # 2.7 GB
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(UserError, match="expected MJPG of 6 x 4"):
+        rgb_image(np.frombuffer(jpeg, np.uint8), "MJPG", 6, 4)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 300_000
 
 
 def test_depth_of_orbbec():
