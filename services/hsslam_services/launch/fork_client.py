@@ -28,6 +28,7 @@ _POLL_S = 0.01
 _PATIENCE_S = 120.0  # for a fork server that still imports
 _FROZEN_S = 10.0  # for a fork server that has forked before
 _END_TIMEOUT_S = 2.0
+_KILL_TIMEOUT_S = 5.0
 
 
 class ForkedProcess:
@@ -208,7 +209,8 @@ class ForkClient:
                 self._process.wait(_END_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
-                self._process.wait()
+                with contextlib.suppress(subprocess.TimeoutExpired):  # it may hang in a driver
+                    self._process.wait(_KILL_TIMEOUT_S)
 
     def _close_socket(self) -> None:
         if self._socket is not None:

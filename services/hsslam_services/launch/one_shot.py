@@ -93,5 +93,4 @@ def expect_end(watchdog: subprocess.Popen) -> None:
     try:
         watchdog.wait(_WATCHDOG_TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        watchdog.kill()
-        watchdog.wait()
+        _kill(watchdog)
