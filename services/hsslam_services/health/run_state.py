@@ -16,6 +16,7 @@ from hsslam_services.health.silence import Silence
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
 _RECENT = 64  # poses for rate and latency
 _RECENT_S = 5.0  # older ones do not count
+_MOST_PUBLISHERS = 64  # of frames, whose newest pose is known
 _STILL_S = 1.0  # without a pose, until the rate falls
 _HEARD_S = 1.0  # by which a pose may be heard late: the loop of the supervisor takes 50 ms
 
@@ -105,7 +106,10 @@ class RunState:
         self.silence.posed()
         if pose.index <= self.newest_index.get(pose.publisher, -1):
             return
+        self.newest_index.pop(pose.publisher, None)  # so that the last one that posed comes last
         self.newest_index[pose.publisher] = pose.index
+        if len(self.newest_index) > _MOST_PUBLISHERS:
+            del self.newest_index[next(iter(self.newest_index))]
         self.pose = pose
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"

@@ -100,6 +100,8 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert load_checkpoint(run.out / "map.safetensors").layout.parameter_count > 0
     assert (run.out / "mesh.ply").stat().st_size > 1000
     assert (run.out / "run.rrd").stat().st_size > 1000
+    for mode, path in ((0o700, run.out), (0o600, run.out / "run.mcap")):  # others may not read them
+        assert path.stat().st_mode & 0o777 == mode
     counts = _messages_per_topic(run.out / "run.mcap")
     expected = messages_expected(summary)
     assert {name: counts[f"hsslam/robot/{name}"] for name in expected} == expected

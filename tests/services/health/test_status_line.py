@@ -95,6 +95,15 @@ def test_frames_that_are_sent_again_count_once():
     assert state.pose is not None and state.pose.publisher == 5
 
 
+def test_cameras_that_restart_for_years_take_no_memory():
+    state = RunState()
+    for publisher in range(1, 100):
+        state.posed(_pose(5), 100.0)  # of a camera that goes on
+        state.posed(msgspec.structs.replace(_pose(0), publisher=publisher), 100.0)
+        state.posed(_pose(publisher + 5), 100.0)
+    assert len(state.newest_index) == 64 and state.tracked == 199
+
+
 def test_a_clock_that_is_set_spoils_no_latency():
     state, hour_ns = RunState(), 3600 * 10**9
     for index in range(40):
