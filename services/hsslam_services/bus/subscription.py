@@ -45,8 +45,8 @@ class Subscription(Generic[M]):
     """Messages of one topic, oldest first; created by `Bus.subscribe`.
 
     At most `depth` messages wait; a further message drops the oldest. Malformed messages never wait, so
-    they drop none. Counters: `received`, `dropped` (from the queue or by the reader, or missing in a
-    publisher's sequence) and `rejected` (malformed, or refused by the reader).
+    they drop none. Counters: `received`, `missing` (in a publisher's sequence), `dropped` (from the queue or
+    by the reader, or missing) and `rejected` (malformed, or refused by the reader).
     """
 
     def __init__(
@@ -63,6 +63,7 @@ class Subscription(Generic[M]):
         self._session, self._key = session, key
         self.received = 0
         self.dropped = 0
+        self.missing = 0
         self._unreadable = 0
         self._refused = 0
         self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
@@ -202,6 +203,7 @@ class Subscription(Generic[M]):
                 return
             gap = 0 if received.envelope is None else self._gap_before(received.envelope)
             self.dropped += gap
+            self.missing += gap
             self._waiting.append(replace(received, missed=gap) if gap else received)
             if len(self._waiting) > self._depth:
                 missed = self._waiting.popleft().missed + 1

@@ -9,7 +9,7 @@ from hsslam_services.governor.levels import LEVELS
 _WINDOW_S: Final = 2.0
 _FEWEST_FRAMES: Final = 15  # for a meaningful share
 _LATE_PERIODS: Final = 1.0  # beyond the least latency of the last minute
-_UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # shares of late or dropped frames
+_UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # shares of late or left-out frames
 _TWO_UP_SHARE: Final = 0.25  # a larger share goes up two levels at once
 _UP_AFTER_S: Final = 2.0  # since the last change: a level takes this long to have an effect
 _CALM_S: Final = 10.0  # window in which few frames must be late to go down
@@ -19,7 +19,7 @@ _DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if the level went 
 _LONGEST_DOWN_AFTER_S: Final = 160.0
 _DOWN_THROTTLED: Final = 0.1  # share of throttled periods; with a larger one no level is left
 _LONGEST_PERIOD_S: Final = 0.2
-_MOST_DROPPED: Final = 60  # at once
+_MOST_LEFT_OUT: Final = 60  # at once
 _BASELINE_S: Final = 30.0  # half of the window of the least latency
 
 
@@ -69,7 +69,7 @@ class _Share:
 
 
 class Governor:
-    """Raises the load level while frames are late or dropped; lowers it after a calm period.
+    """Raises the load level while frames are late or left out; lowers it after a calm period.
 
     A stall, as of a disk, makes the frames of a moment late. No level prevents stalls, so a stall neither
     raises the level nor keeps it up.
@@ -87,7 +87,7 @@ class Governor:
     def __init__(self, level: int = 0) -> None:
         self.level = min(max(level, 0), len(LEVELS) - 1)
         self.late_share = 0.0
-        self._last: tuple[int, float] | None = None  # index and stamp, s
+        self._last_stamp_s: float | None = None
         self._recent, self._calm = _Share(_WINDOW_S), _Share(_CALM_S)
         self._least = [float("inf"), float("inf")]  # latency, s: previous and present half minute
         self._least_since_s = float("-inf")
@@ -100,7 +100,7 @@ class Governor:
     def frame(
         self,
         now_s: float,
-        index: int,
+        left_out: int,
         stamp_s: float,
         latency_s: float,
         throttled_share: float = 0.0,
@@ -109,15 +109,16 @@ class Governor:
 
         Args:
             now_s: time of publication by the monotonic clock, s.
-            index: of the frame; frames between it and the last one count as dropped.
+            left_out: number of frames since the last pose that the service left out.
             stamp_s: of the sensor, s.
             latency_s: from the stamp to the pose, s; the two clocks may have an offset.
             throttled_share: of the last 10 s, see `Throttling`.
         """
-        dropped, period_s = self._since_last(index, stamp_s)
+        left_out = min(left_out, _MOST_LEFT_OUT)
+        period_s = self._period_s(left_out, stamp_s)
         late_s = latency_s - self._baseline(now_s, latency_s)
-        late = dropped + (late_s > _LATE_PERIODS * period_s)
-        seen = _Seen(now_s, late, 1 + dropped)
+        late = left_out + (late_s > _LATE_PERIODS * period_s)
+        seen = _Seen(now_s, late, 1 + left_out)
         self.late_share, late_of_calm = self._recent.add(seen), self._calm.add(seen)
         if self._changed_s is None:
             self._changed_s = now_s
@@ -134,14 +135,12 @@ class Governor:
         is_calm = late_of_calm <= _DOWN_SHARE or self._calm.without_stall() <= _DOWN_SHARE
         return is_calm and self._down(now_s)
 
-    def _since_last(self, index: int, stamp_s: float) -> tuple[int, float]:
-        """Number of frames dropped since the last one, and the period of the camera, s."""
-        last, self._last = self._last, (index, stamp_s)
-        if last is None or index <= last[0]:  # the camera has restarted its count
-            return 0, _LONGEST_PERIOD_S
-        frames = index - last[0]
-        period_s = (stamp_s - last[1]) / frames
-        return min(frames - 1, _MOST_DROPPED), min(max(period_s, 0.0), _LONGEST_PERIOD_S)
+    def _period_s(self, left_out: int, stamp_s: float) -> float:
+        """The period of the camera, s."""
+        last_s, self._last_stamp_s = self._last_stamp_s, stamp_s
+        if last_s is None or stamp_s <= last_s:  # the camera has begun anew
+            return _LONGEST_PERIOD_S
+        return min((stamp_s - last_s) / (1 + left_out), _LONGEST_PERIOD_S)
 
     def _baseline(self, now_s: float, latency_s: float) -> float:
         if now_s - self._least_since_s > _BASELINE_S:

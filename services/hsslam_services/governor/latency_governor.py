@@ -49,19 +49,19 @@ class LatencyGovernor:
         """The current load level."""
         return self._governor.level
 
-    def frame(self, now_s: float, index: int, stamp_ns: int, publish_ns: int) -> None:
+    def frame(self, now_s: float, left_out: int, stamp_ns: int, publish_ns: int) -> None:
         """Take in a published pose.
 
         Args:
             now_s: time of publication by the monotonic clock, s.
-            index: of the frame.
+            left_out: number of frames since the last pose that the service left out.
             stamp_ns, publish_ns: of the sensor and of the pose; the two clocks may have an offset, and may be
                 set.
         """
         late = self._governor.late_share
         latency_s = (publish_ns - stamp_ns) / 1e9
         throttled_share = self._throttling.share(now_s)
-        if self._governor.frame(now_s, index, stamp_ns / 1e9, latency_s, throttled_share):
+        if self._governor.frame(now_s, left_out, stamp_ns / 1e9, latency_s, throttled_share):
             self._shared.number = self.level
             self._count("load level changes")
             self._report(f"{self._in_words()}: {late:.0%} of the frames are late")

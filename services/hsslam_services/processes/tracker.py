@@ -38,6 +38,7 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 from hsslam_services.tracked.events import TrackingEvents
 from hsslam_services.tracked.keyframes_out import KeyframesOut
+from hsslam_services.tracked.left_out import LeftOutFrames
 from hsslam_services.tracked.poses_out import PosesOut, Received
 from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
 
@@ -86,6 +87,7 @@ class _TrackerLoop:
         self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
         self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
+        self._left_out = LeftOutFrames(frames, worker.run.camera_arena)
         self._governor = LatencyGovernor(
             SharedLevel(worker.run.arena_dir),
             granted_cores() if self._is_realtime else math.inf,
@@ -139,7 +141,8 @@ class _TrackerLoop:
         self._events.take(result)
         self._asked.take(result)
         if self._is_realtime:
-            self._governor.frame(published_s, message.index, message.stamp_ns, publish_ns)
+            left_out = self._left_out.since_last()
+            self._governor.frame(published_s, left_out, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             level = LEVELS[self._governor.level]
@@ -153,6 +156,7 @@ class _TrackerLoop:
         self._events.refused(received.message.index, error)
         if self._is_realtime:
             self._frames.drop()
+            self._left_out.since_last()  # the frame is the cause, not load
         else:
             self._poses.put(TrackResult.without_map(received.message.index), received)
             self._order.take(received.place)

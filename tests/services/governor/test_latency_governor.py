@@ -43,7 +43,7 @@ def test_late_poses_raise_the_shared_level_which_is_counted_and_told(level: Shar
         for index in range(30 * seconds.start, 30 * seconds.stop):  # a camera of 30 Hz
             at_s = index / 30
             published_s = at_s + latency_s
-            governor.frame(published_s, index, round(1e9 * at_s), round(1e9 * published_s))
+            governor.frame(published_s, 0, round(1e9 * at_s), round(1e9 * published_s))
 
     run(range(10), 0.01)
     assert level.number == 0 and counted == ["frames at load level 0"] * 300 and not told
@@ -67,5 +67,5 @@ def test_a_throttled_service_keeps_its_level(
             periods, throttled = 10 * (index // 30), throttled_of_10 * (index // 30)
             text = f"nr_periods {periods}\nnr_throttled {throttled}\n"
             (tmp_path / "cpu.stat").write_text(text)
-        governor.frame(at_s, index, round(1e9 * at_s), round(1e9 * (at_s + 0.01)))
+        governor.frame(at_s, 0, round(1e9 * at_s), round(1e9 * (at_s + 0.01)))
     assert governor.level == number
