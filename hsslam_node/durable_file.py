@@ -87,6 +87,18 @@ def write_durably(path: Path | str, data: bytes) -> None:
         partial.write_bytes(data)
 
 
+def durable_folder(folder: Path) -> None:
+    """Make a folder and its parents, unless they exist; return when their names are on the disk.
+
+    Raises:
+        OSError: the folder cannot be made, or the disk refuses it.
+    """
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in missing:
+        sync_folder(one.parent)
+
+
 def sync_file(path: Path) -> None:
     """Return when the content of the file is on the disk.
 

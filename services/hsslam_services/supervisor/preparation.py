@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import psutil
 
+from hsslam_node.durable_file import durable_folder, sync_folder
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.arena.arena_folder import (
@@ -153,7 +154,7 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
     _expect_utf8(options, run_dir)
     try:
         if options.out:
-            run_dir.mkdir(parents=True, exist_ok=True)
+            durable_folder(run_dir)
         else:
             run_dir = _new_folder(run_dir)
         return run_dir, FolderClaim(run_dir)
@@ -172,7 +173,7 @@ def _expect_utf8(options: ServeOptions, run_dir: Path) -> None:
 
 def _new_folder(wanted: Path) -> Path:
     """Make a folder of this name; append a number if another run has taken the name."""
-    wanted.parent.mkdir(parents=True, exist_ok=True)
+    durable_folder(wanted.parent)
     path, number = wanted, 1
     while True:
         try:
@@ -181,6 +182,7 @@ def _new_folder(wanted: Path) -> Path:
             number += 1
             path = Path(f"{wanted}-{number}")
         else:
+            sync_folder(path.parent)
             return path
 
 

@@ -1,9 +1,11 @@
 """Draws messages into run.rrd, run.1.rrd, ... and a live viewer; never blocks the recorder."""
 
+import contextlib
 from pathlib import Path
 
 import rerun as rr
 
+from hsslam_node.durable_file import sync_file
 from hsslam_node.errors import UserError, on_one_line
 from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
@@ -37,7 +39,7 @@ class RerunView:
     ) -> None:
         self._process: ViewerProcess | None = None
         self._open = OpenViewer(rrd.parent, recording_id)
-        self._rrd = rrd
+        self._files = [rrd]
         self._threads = [Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
         if viewer == "none":
             return
@@ -56,8 +58,8 @@ class RerunView:
 
     def write_to(self, rrd: Path) -> None:
         """Switch to this file, unless it is the current one; each file opens alone."""
-        if rrd != self._rrd:
-            self._rrd = rrd
+        if rrd != self._files[-1]:
+            self._files.append(rrd)
             self._threads[0].put(NextFile(rrd))
 
     def show(self, message: Message, in_file: bool = True, in_viewer: bool = True) -> None:
@@ -72,13 +74,17 @@ class RerunView:
             thread.images_s = seconds
 
     def close(self) -> None:
-        """Draw the waiting messages and finish the file; give up after some seconds, as on a full disk."""
+        """Draw the waiting messages and bring the files to the disk; give up after some seconds, as on a full
+        disk."""
         for thread in self._threads:
             thread.stop()
         for thread in self._threads:
             thread.join(_CLOSE_S)
         if any(thread.is_alive() for thread in self._threads):
             rr.unregister_shutdown()  # at exit the SDK would wait forever for data that it cannot write
+        for file in self._files:
+            with contextlib.suppress(OSError):  # a disk that is full, or a file that was removed
+                sync_file(file)
         if self._process is not None:
             self._process.close()
         self._open.forget()

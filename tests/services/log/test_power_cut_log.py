@@ -6,6 +6,7 @@ import time
 
 from mcap.reader import make_reader
 
+from hsslam_node.durable_file import durable_folder
 from hsslam_services.log.reading.files import log_parts
 
 WRITER = """
@@ -27,8 +28,7 @@ while True:
 
 def test_a_power_cut_costs_two_seconds_of_the_log(disk):
     run_dir = disk.folder / "run"
-    run_dir.mkdir()
-    subprocess.run(["sync", "-f", run_dir], check=True)
+    durable_folder(run_dir)
     writer = subprocess.Popen(
         [sys.executable, "-c", WRITER, str(run_dir)], stdout=subprocess.PIPE, text=True
     )
