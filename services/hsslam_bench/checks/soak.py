@@ -97,8 +97,13 @@ def _kills(minutes: int, session: Session) -> Measured:
         left = run.left_behind(2.0)
     finally:
         run.close()
-    ok = code == 0 and not tally.slow and not tally.wrong and not left
-    values = {"kills": len(tally.killed), "slow": tally.slow, "worst_m": tally.worst_m}
+    ok = code == 0 and not tally.failed() and not left
+    values = {
+        "kills": len(tally.killed),
+        "slow": tally.slow,
+        "worst_m": tally.worst_m,
+        "back": tally.back,
+    }
     return Measured(
         described(tally, code, left), ok, values, float(len(tally.slow) + tally.wrong), "lower"
     )

@@ -1,5 +1,6 @@
 """The fault of processes killed in turn: after each kill a right pose must follow soon."""
 
+import contextlib
 import itertools
 import time
 from collections.abc import Callable
@@ -7,12 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 
 from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
 from hsslam_bench.runs.live_run import QUICK, LiveRun
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
+from hsslam_proto import topics
 from hsslam_proto.messages import Pose
 from hsslam_services.run.run_info import RunInfo
 
@@ -23,6 +27,7 @@ HALF_ROOM = (
 )
 _FOUND_S, _FOUND_M = 4.0, 0.02
 _KILLS, _EVERY_S = 12, 12.0
+_LOGGED = 0.9  # of the poses: a killed recorder loses its last second
 
 
 @dataclass
@@ -34,6 +39,12 @@ class KillTally:
     wrong: int = 0  # tracked poses with an error above 2 cm
     worst_m: float = 0.0
     longest_s: float = 0.0
+    map_version: int = 0  # newest
+    back: int = 0  # poses on an older map than a pose before them
+
+    def failed(self) -> bool:
+        """Whether a pose came too late, was wrong, or was on an older map."""
+        return bool(self.slow) or self.wrong > 0 or self.back > 0
 
 
 def one_after_another(experiment: Experiment) -> Finding:
@@ -43,9 +54,22 @@ def one_after_another(experiment: Experiment) -> Finding:
     tally = kill_in_turn(run, _KILLS, _EVERY_S)
     code = run.finish(240)
     left = run.left_behind(2.0)
+    logged = logged_poses(run)
     return Finding(
-        code != 0 or bool(tally.slow) or tally.wrong > 0 or bool(left), described(tally, code, left)
+        code != 0 or tally.failed() or logged < _LOGGED * len(run.poses) or bool(left),
+        f"{described(tally, code, left)}; {logged} of {len(run.poses)} poses in the log",
     )
+
+
+def logged_poses(run: LiveRun) -> int:
+    """Poses that the public reader finds in the parts of the log, up to the first damage of each."""
+    count = 0
+    for part in run.out.glob("run*.mcap"):
+        with part.open("rb") as stream, contextlib.suppress(McapError):
+            reader = make_reader(stream, validate_crcs=True)
+            topic = f"hsslam/{RunInfo.read(run.out).options.robot}/{topics.POSE.name}"
+            count += sum(1 for _ in reader.iter_messages(topics=[topic]))
+    return count
 
 
 def described(tally: KillTally, code: int | None, left: list[str]) -> str:
@@ -53,7 +77,8 @@ def described(tally: KillTally, code: int | None, left: list[str]) -> str:
     return (
         f"{len(tally.killed)} kills; right pose within {tally.longest_s:.1f} s, too late after "
         f"{tally.slow or 'none'}; {tally.wrong} poses more than 2 cm off, the worst "
-        f"{100 * tally.worst_m:.1f} cm; exit code {code}; left: {left or 'nothing'}"
+        f"{100 * tally.worst_m:.1f} cm; {tally.back} on an older map; exit code {code}; "
+        f"left: {left or 'nothing'}"
     )
 
 
@@ -82,6 +107,8 @@ def kill_in_turn(
                     continue
                 off_m = float(np.linalg.norm(np.subtract(pose.t, truth[pose.index])))
                 tally.worst_m = max(tally.worst_m, off_m)
+                tally.back += pose.map_version < tally.map_version
+                tally.map_version = max(tally.map_version, pose.map_version)
                 tally.wrong += off_m > _FOUND_M
                 if found_s is None and _is_after(pose, killed_ns) and off_m <= _FOUND_M:
                     found_s = time.monotonic() - begin_s

@@ -65,7 +65,7 @@ def absurd_index(experiment: Experiment) -> Finding:
     answered_later = _answered(later) - _answered(restarted)
     sent_later = later.frames_sent - restarted.frames_sent
     return Finding(
-        answered < 0.6 * sent or answered_later < 0.6 * sent_later,
+        answered < 0.6 * sent or answered_later < 0.6 * sent_later or health != 200,
         f"{sent} frames sent and {answered} answered in {_WATCH_S:g} s; /healthz {health}; after a "
         f"restart of the tracker {sent_later} and {answered_later}",
     )
