@@ -78,7 +78,8 @@ class Status(Message, frozen=True, kw_only=True):
 
     `tracking` and `quality` are those of the last pose; `none` and 0 before the first, and if no further one
     came for 5 s, or for twice the time between the last two poses if that is longer. `map_epoch`: number of
-    resets so far; `keyframes` and `map_version` are those of the current map. `load_level`: how much work the service leaves out to keep the latency low, 0: none.
+    resets so far; `keyframes` and `map_version` are those of the current map. `load_level`: how much work the
+    service leaves out to keep the latency low, 0: none.
     """
 
     run_id: Name

@@ -48,8 +48,8 @@ def late_in_a_long_run(experiment: Experiment) -> Finding:
     dropped = log.get("poses_dropped", -1)
     return Finding(
         is_copied or code != 0 or dropped != 0 or most_mb > first_mb + _MOST_MB,
-        f"memory of the recorder {first_mb:.0f} MB, of the new one at most {most_mb:.0f} MB; run folder at most "
-        f"{most_bytes / 1e6:.0f} MB, of which {part_bytes / 1e6:.0f} are the part; exit code {code}; "
+        f"memory of the recorder {first_mb:.0f} MB, of the new one at most {most_mb:.0f} MB; run folder "
+        f"at most {most_bytes / 1e6:.0f} MB, of which {part_bytes / 1e6:.0f} are the part; exit code {code}; "
         f"poses dropped {dropped}",
     )
 

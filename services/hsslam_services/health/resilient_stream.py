@@ -21,7 +21,8 @@ class ResilientStream(io.TextIOBase):
     """Writes to the file descriptor of `stream` in a thread, without the buffers of `stream`.
 
     If the reader does not read, the newest texts are dropped once 512 wait; a full disk drops texts too.
-    Their number is written later. If no thread can be started, texts wait until one can. If the reader is gone (closed pipe or terminal), all output is discarded.
+    Their number is written later. If no thread can be started, texts wait until one can. If the reader is
+    gone (closed pipe or terminal), all output is discarded.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -58,9 +58,7 @@ class RunState:
     )  # of poses, by publisher of the frames
     silence: Silence = field(default_factory=Silence)
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
-    _latest: tuple[float, float] | None = (
-        None  # the last counted latency, ms, and when it was heard, s
-    )
+    _latest: tuple[float, float] | None = None  # counted latency, ms, and when it was heard, s
 
     def fps(self, now_s: float) -> float:
         """Poses per second over the last seconds; falls to 0 if no poses come."""

@@ -1,4 +1,4 @@
-"""Frames that the service left out count as load, those that never arrived only if its own camera sent them."""
+"""Frames that the service left out count as load; those that never arrived do if its own camera sent them."""
 
 from pathlib import Path
 
