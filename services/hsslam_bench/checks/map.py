@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from hsslam_bench.checks.accuracy import MESH_VERSION
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.sequences import QUICK_FRAMES
 from hsslam_bench.runs.serve_run import ServeRun, finished
@@ -79,6 +80,7 @@ def map_checks() -> list[Check]:
             "whole run against after those frames: mean accuracy; completion within 5 cm",
             "no worse (5%)",
             _first_room,
+            version=MESH_VERSION,
         )
     ]
 

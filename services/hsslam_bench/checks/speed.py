@@ -123,14 +123,18 @@ def _gpu_speed_check(preset: str, least: float) -> Check:
         return Measured(
             f"{found['fps']:.1f} frames a second, {error} ATE, {found['lost']} lost; "
             f"{found['device']}",
-            found["fps"] >= least,
+            found["fps"] >= least and found["lost"] == 0,
             found,
             found["fps"],
             "higher",
         )
 
     what = f"room 640x480, {_FRAMES} frames, one process, device cuda, preset {preset}"
-    return Check(f"gpu:{preset}", f"{what}: speed", f"{least:g} frames a second", measure)
+    bound = f"{least:g} frames a second"
+    # 2: paper tracks with 12 steps a frame, in 1 with 8
+    return Check(
+        f"gpu:{preset}", f"{what}: speed", bound, measure, version=2 if preset == "paper" else 1
+    )
 
 
 def _gpu_tests(session: Session) -> Measured:

@@ -52,7 +52,7 @@ def peers_command(args: Sequence[str]) -> int:
     console = Console(emoji=False, highlight=False, markup=False, width=width)
     rows: list[PeerRow] = []
     interrupted = False
-    begun = {"commit": source_commit(), "machine": machine()}
+    begun = {"commit": source_commit(), "machine": machine(), "frames": options.frames}
     try:
         for row in _measured(options, console):
             rows.append(row)
@@ -149,6 +149,7 @@ def _write(path: Path, begun: Mapping[str, Any], rows: Sequence[PeerRow]) -> Non
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, msgspec.json.format(msgspec.json.encode(found)))
-        path.with_suffix(".md").write_text(f"{peers_markdown(rows)}\n{_NOTE}\n")
+        note = f"{_NOTE} The first {begun['frames']} frames." if begun["frames"] else _NOTE
+        path.with_suffix(".md").write_text(f"{peers_markdown(rows)}\n{note}\n")
     except OSError as error:
         raise UserError(f"--out {path}: {error.strerror}: expected a file to write") from None

@@ -89,7 +89,8 @@ class PeersOptions:
         """The sequences of the options, on disk or not."""
         if self.source:
             options = SourceOptions(noise=self.noise, frames=self.frames)
-            return [PeerSequence(self.source, self.source, options)]
+            name = self.source + (_NOISE if self.noise != "none" else "")
+            return [PeerSequence(name, self.source, options)]
         return [self._sequence(name) for name in self.sequences]
 
     def _sequence(self, name: str) -> "PeerSequence":

@@ -20,6 +20,7 @@ from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
 
 _TIMEOUT_S = 3600.0
+_TOO_LONG = f"ended after {_TIMEOUT_S:.0f} s, before its last frame"
 _POLL_S = 0.2
 _MAP = "map.safetensors"
 _BULKY = ("run*.mcap", "run*.rrd", _MAP)  # removed after they are read
@@ -121,7 +122,7 @@ def serve(
         client = outsider(folder) if outsider else None
         try:
             with cpu_quota(process.pid, cores, 2) if cores else contextlib.nullcontext():
-                _wait(process, [usage, client] if client else [usage])
+                is_whole = _wait(process, [usage, client] if client else [usage])
         except NoQuotaError:
             process.terminate()
             process.wait()
@@ -130,6 +131,7 @@ def serve(
             if client:
                 client.close()
         ended_ns = time.time_ns()
+    error = _last_line(messages) if process.returncode else ""
     run = ServeRun(
         name=name,
         folder=folder,
@@ -137,7 +139,7 @@ def serve(
         started_ns=started_ns,
         seconds=(ended_ns - started_ns) / 1e9,
         exit_code=process.returncode,
-        error=_last_line(messages) if process.returncode else "",
+        error=error if is_whole else _TOO_LONG,
         summary=read_summary(folder),
         log=read_log(folder / "run.mcap"),
         view_error=_verify_view(folder),
@@ -157,27 +159,30 @@ def finished(run: ServeRun) -> ServeRun:
     """The run, if it succeeded.
 
     Raises:
-        RunFailedError: the exit code is not 0, or there is no summary.
+        RunFailedError: the exit code is not 0, there is no summary, or the run took more than an hour.
     """
-    if run.exit_code != 0 or not run.summary.get("frames"):
+    if run.exit_code != 0 or run.error or not run.summary.get("frames"):
         raise RunFailedError(f"{run.name} ended with code {run.exit_code}: {run.error}")
     return run
 
 
-def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> None:
-    """Wait for the end, and poll the watchers every 0.2 s."""
+def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> bool:
+    """Wait for the end, and poll the watchers every 0.2 s; ends a run of an hour, and returns False then."""
     deadline = time.monotonic() + _TIMEOUT_S
+    is_whole = True
     try:
         while process.poll() is None:
             if time.monotonic() > deadline:
                 process.terminate()
                 process.wait()
+                is_whole = False
             for watcher in watchers:
                 watcher.poll()
             time.sleep(_POLL_S)
     except KeyboardInterrupt:  # the service got the signal, too, and saves its results
         process.wait()
         raise
+    return is_whole
 
 
 def _sizes(folder: Path) -> dict[str, int]:

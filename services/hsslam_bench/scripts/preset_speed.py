@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def preset_speed(config: SlamConfig, source: str, frames: int, device: Device) -> dict[str, Any]:
-    """Frames per second without the first frame, which makes the first map, and ATE over all frames.
+    """Frames per second without the first frame, which makes the first map; ATE of frames that are not lost.
 
     The time excludes reading images and, on a GPU, the first frames, during which kernels are compiled.
     """
@@ -68,9 +68,11 @@ def preset_speed(config: SlamConfig, source: str, frames: int, device: Device) -
         stamps_ns.append(frame.stamp_ns)
     assert slam.store is not None and truth is not None
     T_world_keyframe = slam.store.poses()
+    tracked = np.array([result.status != "lost" for result in results])
     final = np.array([T_world_keyframe[r.keyframe] @ r.T_keyframe_cam for r in results])
     error = ate(
-        Trajectory(np.array(stamps_ns), final), Trajectory(truth.stamps_ns, truth.T_world_cam)
+        Trajectory(np.array(stamps_ns)[tracked], final[tracked]),
+        Trajectory(truth.stamps_ns, truth.T_world_cam),
     )
     first = min(_GPU_SETTLING, len(seconds) // 2) if device.uses_triton else 1
     return {

@@ -75,13 +75,16 @@ def measured_rows(
 
 
 def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
-    """A line for each row that is better than the first row but worse in the paper, or the reverse.
+    """A line for each row that is better than the full model but worse in the paper, or the reverse.
 
-    Differences below one standard deviation (root of the sum of both variances) and single seeds are ignored.
+    No lines if the full model was not measured. Differences below one standard deviation (root of the sum of
+    both variances) and single seeds are ignored.
     """
-    full, *others = rows
+    full = next((row for row in rows if row.row.name == "full"), None)
+    if full is None or not full.figures:
+        return []
     lines = []
-    for other in others:
+    for other in rows:
         found = []
         for metric in (m for m in metrics if m not in _UNORDERED):
             ours = _difference(full, other, metric)

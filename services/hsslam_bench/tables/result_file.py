@@ -15,6 +15,12 @@ from hsslam_services.run.run_info import write_atomically
 VERSION = 1
 
 
+def names_code(commit: str) -> bool:
+    """Whether a commit, as `source_commit` gives it, names the code: not with changed files (a trailing +),
+    which may have changed again, and not outside of a checkout ("")."""
+    return bool(commit) and not commit.endswith("+")
+
+
 class _Content(msgspec.Struct):
     table: str
     machine: Machine | None = None  # of the last run
@@ -42,9 +48,9 @@ class ResultFile:
     def done(self, job: Job, commit: str) -> RunResult | None:
         """The result of exactly this job and commit, unless it failed; None without one.
 
-        None also for a commit with changed files (a trailing +), since they may have changed again.
+        None also if the commit does not name the code.
         """
-        if commit.endswith("+"):
+        if not names_code(commit):
             return None
         same = [r for r in self.runs if (r.key, r.commit) == (job.key, commit) and not r.error]
         return same[-1] if same else None

@@ -18,6 +18,7 @@ from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_bench.tables.options import TableOptions
 from hsslam_bench.tables.paper_tables import ABLATION, IMAGES, MESH
 from hsslam_bench.tables.plan import Job, RunResult, plan_table
+from hsslam_bench.tables.result_file import names_code
 from hsslam_bench.tables.run_job import run_job
 from hsslam_services.run.summary import source_commit
 
@@ -63,7 +64,7 @@ def _speed(session: Session) -> Measured:
     return Measured(
         f"{found['fps']:.2f} frames a second, ATE RMSE {100 * found['rmse_m']:.2f} cm, "
         f"lost {found['lost']}",
-        found["fps"] >= _SPEED_FPS,
+        found["fps"] >= _SPEED_FPS and found["lost"] == 0,
         found,
         found["fps"],
         "higher",
@@ -148,7 +149,8 @@ def _kept(folder: Path, job: Job, commit: str) -> RunResult | None:
         result = msgspec.json.decode((folder / _FOUND).read_bytes(), type=RunResult)
     except (OSError, msgspec.MsgspecError):
         return None
-    return None if (result.key, result.commit) != (job.key, commit) or result.error else result
+    is_same = (result.key, result.commit) == (job.key, commit) and not result.error
+    return result if is_same and names_code(commit) else None
 
 
 def _job(session: Session, row: str, sequence: str, seed: int) -> Job:

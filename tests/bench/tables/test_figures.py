@@ -88,3 +88,6 @@ def test_only_differences_beyond_the_deviation_disagree():
     assert told((90.0, 90.1), (80.0, 80.1), "completion_lit_pct") == []  # worse: more is better
     assert len(told((90.0, 90.1), (95.0, 95.1), "completion_lit_pct")) == 1
     assert told((90.0, 90.1), (95.0, 95.1), "completion_pct") == []  # not the paper's protocol
+    (full, a) = rows((1.9, 2.1), (1.0, 1.2), "ate_cm")
+    assert disagreements([a, full], ABLATION.metrics) != []  # in any order
+    assert disagreements([a, a], ABLATION.metrics) == []  # the full model was not asked for

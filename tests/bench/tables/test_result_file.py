@@ -72,6 +72,8 @@ def test_what_failed_or_was_made_from_changed_files_is_run_again(tmp_path):
     assert len(file.runs) == 1
     file.add(_result(job, "abc+"), machine())
     assert file.done(job, "abc+") is None
+    file.add(_result(job, ""), machine())  # outside of a checkout
+    assert file.done(job, "") is None
 
 
 def test_two_that_fill_one_file_lose_nothing(tmp_path):
