@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-import lz4.frame
 from mcap.reader import make_reader
 from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata
 
@@ -16,6 +15,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import sync_folder
 from hsslam_node.errors import UserError
 from hsslam_services.log.channel_copies import CHANNELS, LIBRARY, RUN_METADATA
+from hsslam_services.log.chunk_data import messages_in_file, unpacked_lz4
 from hsslam_services.log.file_index import FileIndex, is_finished
 from hsslam_services.log.parts import for_damaged
 from hsslam_services.log.whole_records import (
@@ -100,9 +100,8 @@ def _is_readable(path: Path) -> bool:
     """Whether the library reads as many messages as the summary counts, with all checksums right."""
     try:
         with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            summary = reader.get_summary()
-            count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+            summary = make_reader(stream, validate_crcs=True).get_summary()
+            count = sum(1 for _ in messages_in_file(stream))
     except TORN:
         return False
     statistics = summary.statistics if summary else None
@@ -195,7 +194,7 @@ def _take(survey: _Survey, found: Found) -> None:
         survey.is_ours |= record.name == RUN_METADATA
     elif isinstance(record, Attachment) and record.name == CHANNELS:
         with contextlib.suppress(*TORN):
-            survey.index.define(*definitions(lz4.frame.decompress(record.data)))
+            survey.index.define(*definitions(unpacked_lz4(record.data)))
 
 
 def _data_end(survey: _Survey, stream: IO[bytes]) -> int:

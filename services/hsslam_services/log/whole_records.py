@@ -23,6 +23,8 @@ from mcap.records import (
 )
 from mcap.stream_reader import get_chunk_data_stream
 
+from hsslam_services.log.chunk_data import unpacked_chunk
+
 MAGIC = b"\x89MCAP0\r\n"
 TORN = (
     *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
@@ -157,7 +159,7 @@ def _chunk(stream: IO[bytes], position: int, length: int) -> Found | None:
     body = head + name + data_length + stream.read(length - len(head) - name_length - 8)
     there = _HEAD.pack(Opcode.CHUNK, length) + body
     chunk = Chunk.read(ReadDataStream(BytesIO(body)))
-    unpacked, unpacked_length = get_chunk_data_stream(chunk, validate_crc=True)
+    unpacked, unpacked_length = get_chunk_data_stream(unpacked_chunk(chunk), validate_crc=True)
     content = _content(unpacked.read(unpacked_length))
     times = [message.log_ns for message in content.messages] or [0]
     chunk = replace(

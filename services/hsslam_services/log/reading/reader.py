@@ -10,7 +10,7 @@ from typing import IO
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.reader import McapReader, make_reader
-from mcap.records import Channel, Chunk, Schema
+from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
@@ -18,6 +18,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
+from hsslam_services.log.chunk_data import messages_in_file, unpacked_chunk
 from hsslam_services.log.reading.arrival_order import in_order_of_arrival
 from hsslam_services.log.whole_records import TORN
 
@@ -138,20 +139,30 @@ def _records(
 ) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
     """Records of these keys in the order of the file, chunk by chunk; by time if the file has no chunks."""
     summary = reader.get_summary()
-    if summary is None or not summary.chunk_indexes:
-        yield from reader.iter_messages(wanted)
+    if summary is None:
         return
     ids = {number for number, each in summary.channels.items() if each.topic in wanted}
+    chunks = summary.chunk_indexes
     with path.open("rb") as stream:
-        for index in sorted(summary.chunk_indexes, key=lambda each: each.chunk_start_offset):
-            if index.message_index_offsets and ids.isdisjoint(index.message_index_offsets):
-                continue
-            stream.seek(index.chunk_start_offset + _RECORD_HEADER_BYTES)
-            chunk = Chunk.read(ReadDataStream(stream))
-            for record in breakup_chunk(chunk, validate_crc=True):
-                if isinstance(record, McapMessage) and record.channel_id in ids:
-                    channel = summary.channels[record.channel_id]
-                    yield summary.schemas.get(channel.schema_id), channel, record
+        for record in _in_chunks(stream, chunks, ids) if chunks else _by_time(stream, ids):
+            channel = summary.channels[record.channel_id]
+            yield summary.schemas.get(channel.schema_id), channel, record
+
+
+def _by_time(stream: IO[bytes], ids: set[int]) -> list[McapMessage]:
+    found = [each for each in messages_in_file(stream) if each.channel_id in ids]
+    return sorted(found, key=lambda each: each.log_time)
+
+
+def _in_chunks(stream: IO[bytes], chunks: list[ChunkIndex], ids: set[int]) -> Iterator[McapMessage]:
+    for index in sorted(chunks, key=lambda each: each.chunk_start_offset):
+        if index.message_index_offsets and ids.isdisjoint(index.message_index_offsets):
+            continue
+        stream.seek(index.chunk_start_offset + _RECORD_HEADER_BYTES)
+        chunk = unpacked_chunk(Chunk.read(ReadDataStream(stream)))
+        for record in breakup_chunk(chunk, validate_crc=True):
+            if isinstance(record, McapMessage) and record.channel_id in ids:
+                yield record
 
 
 def _keys(reader: McapReader) -> list[str]:
