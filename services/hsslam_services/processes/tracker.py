@@ -116,7 +116,7 @@ class _TrackerLoop:
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
         """Track a frame and publish its pose; for a frame tracked before, publish its pose again."""
         if place.kind == "old":
-            self._poses.put_again(place)
+            self._poses.put_again(place, message.source_stamp_ns)
             return
         self._events.heard(place, message.source_stamp_ns)
         taken_ns = time.time_ns()

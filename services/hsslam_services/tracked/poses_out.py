@@ -82,10 +82,11 @@ class PosesOut:
         self._poses.put(_pose_message(row, result.residual_m, stages_ms, self._up()))
         return publish_ns
 
-    def put_again(self, place: Place) -> None:
-        """Publish again the pose of a frame that was sent again; count a frame without a pose as late."""
+    def put_again(self, place: Place, source_stamp_ns: int) -> None:
+        """Publish again the pose of a frame that was sent again; count a frame without a pose, or another
+        frame than the one that has its number, as late."""
         row = self.log.find(place.publisher, place.index)
-        if row is None:
+        if row is None or int(row["source_stamp_ns"]) != source_stamp_ns:
             self._worker.count("late frames")
         else:
             self._poses.put(_pose_message(row, float("nan"), {}, self._up()))

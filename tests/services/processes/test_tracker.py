@@ -16,7 +16,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
-from hsslam_proto.frame_order import FrameOrder, Place
+from hsslam_proto.frame_order import FrameOrder, Place, new_publisher
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes.tracker import _TrackerLoop
@@ -47,6 +47,29 @@ def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[...,
         assert rows["status"][1:].tolist() == [LOST, LOST, TRACKED]
         assert worker.counters["unusable frames"] == 2
         assert worker.counters[_STOOD_STILL] == 1
+
+
+def test_a_frame_that_is_sent_again_gets_its_pose_and_another_of_its_number_gets_none(
+    make_run: Callable[..., RunInfo],
+):
+    """As of a driver that counts from 0 again and keeps its number."""
+    run = make_run(pace="lockstep", slam=PRESETS["realtime"])
+    first, second = _frames_of(160, 2)
+    another = replace(first, stamp_ns=second.stamp_ns + 10**9)
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        poses, order, camera = worker.bus.subscribe(topics.POSE, 8), FrameOrder(), new_publisher()
+        loop = _TrackerLoop(worker, worker.bus.subscribe(topics.FRAME, 4), order)
+        found = []
+        for frame in (first, second, another, first):
+            message = frame_message(frame, time.time_ns(), camera)
+            loop.take(message, time.time_ns(), order.place(camera, frame.index, message.stamp_ns))
+            if frame is not another:
+                found.append(poses.wait(20.0))
+        assert [pose and pose.source_stamp_ns for pose in found] == [
+            first.stamp_ns, second.stamp_ns, first.stamp_ns
+        ]  # fmt: skip
+        assert found[0] and found[2] and found[2].publish_ns == found[0].publish_ns
+        assert worker.counters["late frames"] == 1
 
 
 def test_a_camera_that_changes_is_reported_and_its_frames_count_as_dropped(
