@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 _END = object()
 _POLL_S = 0.2
-_CLOSE_S = 5.0  # an item may take longer, such as the first one of a log that resumes late
+_CLOSE_S = 5.0  # an item may take longer, such as the first one of a bag that resumes late
 
 
 class Prefetch(Generic[T]):

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from mcap.records import Channel, Message, Schema
 
-Record = tuple[Schema | None, Channel, Message]
+# the last: byte at which its chunk begins; None: that tells nothing of the order
+Record = tuple[Schema | None, Channel, Message, int | None]
 
 LATEST_NS = 10**9  # by which the recorder writes a record later than others that came after it
 

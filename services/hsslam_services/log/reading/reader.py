@@ -5,12 +5,12 @@ from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Final, NamedTuple
 
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.reader import McapReader, make_reader
-from mcap.records import Channel, Chunk, ChunkIndex, Schema
+from mcap.records import Chunk, ChunkIndex
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
@@ -19,7 +19,7 @@ from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.chunk_data import messages_in_file, unpacked_chunk
-from hsslam_services.log.reading.arrival_order import in_order_of_arrival
+from hsslam_services.log.reading.arrival_order import Record, in_order_of_arrival
 from hsslam_services.log.whole_records import TORN
 
 _TOPICS = {topic.name: topic for topic in TOPICS}
@@ -80,9 +80,23 @@ def _damaged(path: Path, error: Exception) -> UserError:
     )
 
 
+class ChunkPlace(NamedTuple):
+    """Where a chunk of a log begins: the number of its file, and the byte there."""
+
+    file: int
+    byte: int
+
+
+BEGINNING: Final = ChunkPlace(0, 0)
+
+
 @dataclass(frozen=True)
 class Logged:
-    """One message of the bus in a log: payload with the present field names, wall clock times."""
+    """One message of the bus in a log: payload with the present field names, wall clock times.
+
+    `chunk`: where the chunk begins that holds it, if reading that begins there gives the same messages in the
+    same order; None if not, as for messages of several channels.
+    """
 
     robot: str
     topic: Topic
@@ -90,6 +104,7 @@ class Logged:
     encoding: str
     log_ns: int
     publish_ns: int
+    chunk: ChunkPlace | None
 
     def message(self) -> Message:
         """The decoded message; raises UserError if this version cannot read it."""
@@ -111,17 +126,24 @@ def _with_map_epoch(topic: Topic, payload: bytes) -> bytes:
         return payload  # no such field, or malformed: `decode` reports it
 
 
-def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
+def bus_messages(
+    files: list[Path],
+    names: Container[str] | None = None,
+    start: ChunkPlace = BEGINNING,
+) -> Iterator[Logged]:
     """Messages of the bus in order of arrival, of the topics of these names (None: all known).
 
-    This order does not change if the wall clock is set during the run.
+    This order does not change if the wall clock is set during the run. `start`: the `chunk` of a message
+    that an earlier reading gave; reads nothing before it.
     """
-    for path in files:
+    for number, path in enumerate(files[start.file :], start.file):
         with log_reader(path) as reader:
             wanted = [key for key in _keys(reader) if _is_wanted(key, names)]
             if not wanted:
                 continue
-            for schema, channel, record in in_order_of_arrival(_records(path, reader, wanted)):
+            first_byte = start.byte if number == start.file else 0
+            records = _records(path, reader, wanted, first_byte)
+            for schema, channel, record, byte in in_order_of_arrival(records):
                 robot, name = _split(channel.topic)
                 topic = _TOPICS[name]
                 yield Logged(
@@ -131,30 +153,36 @@ def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iter
                     encoding=f"{MEDIA_TYPE};{schema.name if schema else ''}",
                     log_ns=record.log_time,
                     publish_ns=record.publish_time,
+                    chunk=None if byte is None else ChunkPlace(number, byte),
                 )
 
 
 def _records(
-    path: Path, reader: McapReader, wanted: list[str]
-) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
-    """Records of these keys in the order of the file, chunk by chunk; by time if the file has no chunks."""
+    path: Path, reader: McapReader, wanted: list[str], first_byte: int
+) -> Iterator[Record]:
+    """Records of these keys in the order of the file, chunk by chunk from `first_byte` on; all, by time, if
+    the file has no chunks."""
     summary = reader.get_summary()
     if summary is None:
         return
     ids = {number for number, each in summary.channels.items() if each.topic in wanted}
-    chunks = summary.chunk_indexes
     with path.open("rb") as stream:
-        for record in _in_chunks(stream, chunks, ids) if chunks else _by_time(stream, ids):
+        chunks = [each for each in summary.chunk_indexes if each.chunk_start_offset >= first_byte]
+        found = _in_chunks(stream, chunks, ids) if summary.chunk_indexes else _by_time(stream, ids)
+        for record, byte in found:
             channel = summary.channels[record.channel_id]
-            yield summary.schemas.get(channel.schema_id), channel, record
+            yield summary.schemas.get(channel.schema_id), channel, record, byte
 
 
-def _by_time(stream: IO[bytes], ids: set[int]) -> list[McapMessage]:
+def _by_time(stream: IO[bytes], ids: set[int]) -> Iterator[tuple[McapMessage, None]]:
     found = [each for each in messages_in_file(stream) if each.channel_id in ids]
-    return sorted(found, key=lambda each: each.log_time)
+    for record in sorted(found, key=lambda each: each.log_time):
+        yield record, None
 
 
-def _in_chunks(stream: IO[bytes], chunks: list[ChunkIndex], ids: set[int]) -> Iterator[McapMessage]:
+def _in_chunks(
+    stream: IO[bytes], chunks: list[ChunkIndex], ids: set[int]
+) -> Iterator[tuple[McapMessage, int | None]]:
     for index in sorted(chunks, key=lambda each: each.chunk_start_offset):
         if index.message_index_offsets and ids.isdisjoint(index.message_index_offsets):
             continue
@@ -162,7 +190,7 @@ def _in_chunks(stream: IO[bytes], chunks: list[ChunkIndex], ids: set[int]) -> It
         chunk = unpacked_chunk(Chunk.read(ReadDataStream(stream)))
         for record in breakup_chunk(chunk, validate_crc=True):
             if isinstance(record, McapMessage) and record.channel_id in ids:
-                yield record
+                yield record, index.chunk_start_offset if len(ids) == 1 else None
 
 
 def _keys(reader: McapReader) -> list[str]:

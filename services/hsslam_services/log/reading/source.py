@@ -20,13 +20,11 @@ from hsslam_node.sources.source import (
     ReadsInTime,
     of_one_camera,
 )
-from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_camera, frame_from_message
-from hsslam_proto.frame_order import FrameOrder
-from hsslam_proto.topics import FRAME
 from hsslam_services.log.channel_copies import RUN_METADATA
 from hsslam_services.log.reading.files import Say, log_parts
-from hsslam_services.log.reading.reader import bus_messages, log_reader
+from hsslam_services.log.reading.logged_frames import LoggedFrames
+from hsslam_services.log.reading.reader import log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import comes_once, log_place
 
@@ -47,11 +45,12 @@ class McapSource(ReadsInTime):
     """
 
     def __init__(self, place: str, options: SourceOptions) -> None:
-        self._files = log_parts(place, lambda text: print(text, file=sys.stderr))
+        files = log_parts(place, lambda text: print(text, file=sys.stderr))
+        self._logged = LoggedFrames(files)
         self.name = f"mcap:{place}"
         found: list[tuple[int, int]] = []
         cameras: set[int] = set()
-        for message in self._logged():
+        for _, message in self._logged.since():
             found.append((message.source_stamp_ns, message.index))
             cameras.add(message.publisher)
         if not found:
@@ -69,8 +68,10 @@ class McapSource(ReadsInTime):
         """The selected frames; a `LateFrame` for a late frame, a `BadFrame` for one that cannot be decoded or
         has another camera than the first."""
         rows = frozenset(sorted(self._rows)[first:])
-        last = max(rows, default=-1)
-        for row, message in enumerate(self._logged()):
+        if not rows:
+            return
+        last = max(rows)
+        for row, message in self._logged.since(min(rows)):
             if row > last:
                 return
             if row in rows:
@@ -91,7 +92,7 @@ class McapSource(ReadsInTime):
             UserError: none is valid; the error of the first one.
         """
         error: UserError | None = None
-        for row, message in enumerate(self._logged()):
+        for row, message in self._logged.since(min(self._rows)):
             if row not in self._rows:
                 continue
             try:
@@ -99,23 +100,6 @@ class McapSource(ReadsInTime):
             except UserError as invalid:
                 error = error or invalid
         raise UserError(f"source {self.name}: {error}")
-
-    def _logged(self) -> Iterator[messages.Frame]:
-        """Each frame once, not decoded; indices of a further camera continue after those of the last."""
-        order, camera, newest, first = FrameOrder(), None, -1, 0
-        for logged in bus_messages(self._files, {FRAME.name}):
-            message = logged.message()
-            assert isinstance(message, messages.Frame)
-            place = order.place(message.publisher, message.index, message.stamp_ns)
-            if place.kind != "new":
-                continue
-            order.take(place)
-            if camera is not None and place.publisher != camera:
-                first = newest + 1 - message.index
-            camera, newest = place.publisher, first + message.index
-            if first:
-                message = msgspec.structs.replace(message, index=newest, publisher=camera)
-            yield message
 
 
 def log_stamps(place: str) -> tuple[np.ndarray, None]:

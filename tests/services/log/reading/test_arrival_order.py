@@ -15,11 +15,12 @@ def _record(channel: int, log_ns: int, number: int) -> Record:
         None,
         Channel(channel, f"topic {channel}", "msgpack", {}, 0),
         Message(channel, log_ns, b"", log_ns, number),
+        None,
     )
 
 
 def _numbers(records: list[Record]) -> list[int]:
-    return [message.sequence for _, _, message in in_order_of_arrival(records)]
+    return [message.sequence for _, _, message, _ in in_order_of_arrival(records)]
 
 
 @given(st.lists(st.tuples(_CHANNELS, st.integers(-3600 * _S, 3600 * _S))))
