@@ -66,7 +66,8 @@ class Locate(RequestMessage, frozen=True, kw_only=True):
     """Relocalise the camera near a pose in the frame of the map's floor, whose z is up: `x` and `y` in m,
     `yaw_deg` 0 along x and positive to the left.
 
-    The pose is that of `base_link` if `--base-T-camera` is set, else that of the camera."""
+    The pose is that of `base_link` if `--base-T-camera` is set, else that of the camera. While one client is
+    being answered, another is refused as `busy`."""
 
     x: Coordinate
     y: Coordinate

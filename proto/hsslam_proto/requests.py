@@ -17,6 +17,7 @@ class Request(Generic[Q, A]):
     """One row: a zenoh query on `hsslam/<robot>/rpc/<name>`, answered once.
 
     `takes_s`: shortest timeout that a client should use, s.
+    `one_at_a_time`: another client is refused as busy while one is being answered.
     """
 
     name: str
@@ -24,6 +25,13 @@ class Request(Generic[Q, A]):
     answered: Payload[A]
     purpose: str
     takes_s: float = 5.0
+    one_at_a_time: bool = False
+
+    @property
+    def busy(self) -> r.Refusal:
+        """Refusal of a second client, if `one_at_a_time`."""
+        text = f"{self.name}: another client is being answered: expected one at a time"
+        return r.Refusal(reason="busy", text=text)
 
     def key(self, robot: str) -> str:
         """The zenoh key of this request for one robot."""
@@ -46,11 +54,12 @@ def _row(
     purpose: str,
     takes_s: float = 5.0,
     asked_limit: int = 4 * _KIB,
+    *,
+    one_at_a_time: bool = False,
 ) -> Request[Q, A]:
     key = f"rpc/{name}"
-    return Request(
-        name, Payload(key, asked, asked_limit), Payload(key, answered, limit), purpose, takes_s
-    )
+    payloads = Payload(key, asked, asked_limit), Payload(key, answered, limit)
+    return Request(name, *payloads, purpose, takes_s, one_at_a_time)
 
 
 STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "state of the run")
@@ -60,7 +69,9 @@ QUERY = _row(
     *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),
     *("distance, gradient, certainty at points in the map", 15.0, 2 * _MIB),
 )
-LOCATE = _row("locate", r.Locate, r.Located, 8 * _KIB, "relocalise near a pose", 15.0)
+LOCATE = _row(
+    *("locate", r.Locate, r.Located, 8 * _KIB, "relocalise near a pose", 15.0), one_at_a_time=True
+)
 SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "save the map under a name", 60.0)
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "pause the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "resume the camera")

@@ -20,12 +20,11 @@ from hsslam_services.arena.shared_map import SharedMap
 
 _MOST_FRAMES = 10  # in which the tracker looks for the camera
 _LONGEST_S = 10.0
-_OTHERS_S = 3.0  # for the client before; both answers come before a client gives up
 
 
 class AskedPlace:
-    """A thread of the bus waits in `answer`. The tracker's loop tracks the next frame with `near`, and
-    hands the result to `take`.
+    """A thread of the bus waits in `answer`, for one client at a time. The tracker's loop tracks the next
+    frame with `near`, and hands the result to `take`.
     """
 
     def __init__(
@@ -38,7 +37,6 @@ class AskedPlace:
         self._max_depth_m = config.mapper.max_depth_m
         self._knows_places = config.tracker.method != "rendering"
         self._T_base_cam = RobotFrames.mounted(base_T_camera).T_base_cam
-        self._asking = threading.Lock()  # one client at a time
         self._changed = threading.Condition()
         self._near: Whereabouts | None = None
         self._result: TrackResult | None = None  # of the newest frame since the question
@@ -71,19 +69,13 @@ class AskedPlace:
         store = self._link.store()
         if store is None or store.count == 0:
             return Refusal(reason="not_now", text="locate: there is no map yet: expected keyframes")
-        if not self._asking.acquire(timeout=_OTHERS_S):
-            text = "locate: another client is being answered: expected one at a time"
-            return Refusal(reason="busy", text=text)
-        try:
-            frames, up_by = self._floor(store)
-            at = FloorPose(question.x, question.y, float(np.deg2rad(question.yaw_deg)))
-            known = store.poses_of(store.kept())
-            near = Whereabouts(frames.camera_at(at, known), frames.up)
-            if len(near.keyframes(store)) == 0:
-                return Refusal(reason="failed", text=_far_from_all(at, frames, known))
-            return self._looked_for(near, at, frames, up_by)
-        finally:
-            self._asking.release()
+        frames, up_by = self._floor(store)
+        at = FloorPose(question.x, question.y, float(np.deg2rad(question.yaw_deg)))
+        known = store.poses_of(store.kept())
+        near = Whereabouts(frames.camera_at(at, known), frames.up)
+        if len(near.keyframes(store)) == 0:
+            return Refusal(reason="failed", text=_far_from_all(at, frames, known))
+        return self._looked_for(near, at, frames, up_by)
 
     def close(self) -> None:
         """No more frames come; a waiting `answer` returns."""

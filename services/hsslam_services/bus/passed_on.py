@@ -1,6 +1,7 @@
 """Requests that the gateway passes on to another process of the run, on keys closed to clients."""
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -42,6 +43,7 @@ class PassedOnAnswers(Generic[Q, A]):
         self._request = request
         self._make = make
         self._answers = AnswerThread()
+        self._under_way = threading.Lock()  # held from `_take` to the answer if one at a time
         self._queryable = session.declare_queryable(_key(request, robot), self._take)
 
     def close(self) -> None:
@@ -51,12 +53,21 @@ class PassedOnAnswers(Generic[Q, A]):
 
     def _take(self, query: zenoh.Query) -> None:
         """Leave the query to the thread: the end of a process waits for the threads of zenoh."""
-        if not self._answers.do(lambda: self._answer(query)):
+        if self._request.one_at_a_time and not self._under_way.acquire(blocking=False):
+            self._reply(query, self._request.busy)
+        elif not self._answers.do(lambda: self._answer(query)):
             query.drop()
 
     def _answer(self, query: zenoh.Query) -> None:
-        with query, contextlib.suppress(zenoh.ZError):  # the gateway is gone
+        try:
             made = self._made(query)
+        finally:
+            if self._request.one_at_a_time:
+                self._under_way.release()
+        self._reply(query, made)
+
+    def _reply(self, query: zenoh.Query, made: A | Refusal) -> None:
+        with query, contextlib.suppress(zenoh.ZError):  # the gateway is gone
             if isinstance(made, Refusal):
                 query.reply_err(
                     encode(REFUSAL, made), encoding=zenoh.Encoding(encoding_of(REFUSAL))

@@ -21,19 +21,3 @@ def test_a_question_that_waits_for_frames_is_answered_when_the_tracker_ends(tmp_
     text = "locate: the run ends: expected one that goes on"
     assert told == [Refusal(reason="not_now", text=text)]
     assert asked.answer(Locate(x=0, y=0, yaw_deg=0)) == told[0]
-
-
-def test_a_second_client_is_refused_before_it_gives_up(tmp_path):
-    """The first waits for a frame, as during a pause."""
-    mode = MapState.create(tmp_path, localise_only=False)
-    asked = AskedPlace(mapped_room().arrays, SMALL, mode, ())
-    question = Locate(x=0, y=0, yaw_deg=0)
-    first = threading.Thread(target=lambda: asked.answer(question))
-    first.start()
-    while asked.near is None:
-        assert first.is_alive()
-    refusal = asked.answer(question)
-    assert isinstance(refusal, Refusal) and refusal.reason == "busy"
-    assert refusal.text == "locate: another client is being answered: expected one at a time"
-    asked.close()
-    first.join(timeout=5)

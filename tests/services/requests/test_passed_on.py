@@ -1,6 +1,7 @@
 """Questions of places from a client by way of the gateway to the process that has the map, and back."""
 
 import dataclasses
+import queue
 import re
 import threading
 from collections.abc import Iterator
@@ -13,9 +14,9 @@ from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.point_codec import answers_message, answers_of, question_message, question_points
-from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
-from hsslam_proto.requests import QUERY, REFUSAL
-from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
+from hsslam_proto.request_messages import Locate, PointAnswers, QueryMap, Refusal
+from hsslam_proto.requests import LOCATE, QUERY, REFUSAL
+from hsslam_services.bus.ask import NoServiceError, NotDoneError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.requests.passed_on import PassedOn
@@ -38,13 +39,14 @@ def _answer(question: QueryMap) -> PointAnswers:
 def gateway(endpoint) -> Iterator[str]:
     """A gateway that takes requests until the test ends; returns where."""
     with Bus(endpoint, "r", "supervisor") as bus:
-        requests, queries = bus.requests(), PassedOn(bus, QUERY)
+        requests = bus.requests()
+        passed_on = {request.name: PassedOn(bus, request) for request in (QUERY, LOCATE)}
         is_over = threading.Event()
 
         def turn() -> None:
             while not is_over.wait(0.005):
                 if (asked := requests.poll()) is not None:
-                    queries.ask(asked)
+                    passed_on[asked.request.name].ask(asked)
 
         loop = threading.Thread(target=turn)
         loop.start()
@@ -91,6 +93,48 @@ def test_while_that_process_is_busy_the_client_is_told_to_ask_again(gateway):
         "unfinished",
         "query: the process that answers it is busy: ask again",
     )
+
+
+def _located(endpoint: str, x: float) -> str:
+    """What a client is told that asks for the camera at x."""
+    while True:
+        try:
+            return str(ask(endpoint, "r", LOCATE, Locate(x=x, y=0, yaw_deg=0)))
+        except NoServiceError:  # the router knows the gateway a moment later
+            continue
+        except NotDoneError as error:
+            if "is not running" not in str(error):  # and the tracker
+                return str(error)
+
+
+def test_while_one_client_is_answered_others_are_refused_at_once_and_their_questions_dropped(
+    gateway,
+):
+    """Through the gateway, or from a process of the run, as a pose of `/initialpose` comes."""
+    asked: queue.Queue[float] = queue.Queue()
+    may_answer = threading.Event()
+    told: list[str] = []
+
+    def answer(question: Locate) -> Refusal:
+        asked.put(question.x)
+        assert may_answer.wait(60)
+        return Refusal(reason="failed", text="locate: not found")
+
+    busy = "locate: another client is being answered: expected one at a time"
+    with Bus(gateway, "r", "tracker") as tracker, Bus(gateway, "r", "ros2_out") as ros:
+        tracker.answer(LOCATE, answer)
+        first = threading.Thread(target=lambda: told.append(_located(gateway, 1)))
+        first.start()
+        assert asked.get(timeout=60) == 1
+        assert _located(gateway, 2) == f"refused: {busy}"
+        while (refusal := ros.pass_on(LOCATE, Locate(x=3, y=0, yaw_deg=0))).reason == "not_now":
+            pass  # the router knows the tracker a moment later
+        assert (refusal.reason, refusal.text) == ("busy", busy)
+        assert not told
+        may_answer.set()
+        first.join()
+        assert told == [_located(gateway, 4)] == ["refused: locate: not found"]
+    assert asked.get(timeout=60) == 4 and asked.empty()
 
 
 def _client_of_the_document(endpoint: str) -> str:
