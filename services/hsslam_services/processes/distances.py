@@ -150,7 +150,7 @@ class _PublishedBlocks:
         self._meter = DistanceMeter()
         self._blocks = DistanceBlocks()
         self._lattice: Lattice | None = None
-        self._series = time.time_ns()
+        self._series = time.monotonic_ns()  # the wall clock may be set back
         self._pose: Pose | None = None
 
     def follow(self, occupancy: Occupancy, pose: Pose) -> None:

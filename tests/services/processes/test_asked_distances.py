@@ -1,9 +1,13 @@
-"""Who asks for all blocks of distances, without subscribing, gets those of now."""
+"""Who asks for all blocks of distances, without subscribing, gets those of now; the series of a restart."""
 
 import os
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
+
+import pytest
 
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
@@ -12,6 +16,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes.distances import _PublishedBlocks
 from tests.services.wire_samples import pose
+from tests.until import until
 
 _SPACE = VoxelGrid(0.05, (0, 0, 0), (16, 16, 16))
 
@@ -41,3 +46,24 @@ def test_blocks_of_the_next_update_answer_who_asks(run_info):
         assert answered(first=0) >= 0
         pause.wait(1.05)
         assert answered(first=10**6) >= 10**6
+
+
+def test_a_restart_after_the_clock_was_set_back_begins_a_later_series(
+    run_info, monkeypatch: pytest.MonkeyPatch
+):
+    """Subscribers ignore the blocks of an earlier series."""
+    run = replace(run_info, supervisor_pid=os.getppid())
+    series: list[int] = []
+    with Bus(run.endpoint, run.robot, "test") as bus:
+        heard = bus.subscribe(topics.ESDF_BLOCKS, 64)
+
+        def is_heard(blocks: _PublishedBlocks, index: int) -> bool:
+            blocks.follow(Occupancy(_SPACE), pose(index))
+            series.extend([one.series for one in heard.drain() if one.index == index][:1])
+            return len(series) > index
+
+        for index, clock_ns in enumerate((2 * 10**18, 10**18)):
+            monkeypatch.setattr(time, "time_ns", partial(int, clock_ns))
+            with Worker("distances", run) as worker:
+                until(partial(is_heard, _PublishedBlocks(worker), index), 60)
+    assert series[0] < series[1]
