@@ -52,6 +52,16 @@ def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
     assert (source["min_height"], source["max_height"]) == heights
 
 
+def test_the_page_says_in_which_frames_heights_count():
+    """The height of `odom` drifts, and then the floor is an obstacle."""
+    parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    odom = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["global_frame"]
+    base = parameters["collision_monitor"]["ros__parameters"]["base_frame_id"]
+    told = " ".join((ROOT / "docs/ros2.md").read_text().split())
+    assert f"heights from z of `{odom}`" in told
+    assert f"from `min_height` to `max_height` over `{base}`" in told
+
+
 def test_the_parameters_are_merged_into_those_of_nav2(tmp_path):
     theirs = {
         "amcl": {"ros__parameters": {"z_hit": 0.5}},
