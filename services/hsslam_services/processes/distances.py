@@ -2,7 +2,7 @@
 
 Subscribes: in/frame, out/pose
 Publishes: out/grid, out/esdf, out/esdf_blocks
-Arena: reads keyframes, load_level
+Arena: reads keyframes, map_state, load_level
 """
 
 import math
@@ -33,6 +33,7 @@ from hsslam_proto.distance.compose import (
 from hsslam_proto.distance.messages import EsdfBlocks
 from hsslam_proto.frame_codec import depth_image
 from hsslam_proto.messages import Frame, Pose
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
@@ -66,6 +67,7 @@ class _DistancesLoop:
         self._worker = worker
         self._level = SharedLevel(worker.run.arena_dir)
         self._link = SharedMap(worker.arena, worker.options.slam)
+        self._state = MapState(worker.run.arena_dir)
         self._frames = WaitingFrames(worker.bus)
         self._grids = worker.bus.publisher(topics.GRID)
         self._slices = worker.bus.publisher(topics.ESDF)
@@ -81,7 +83,8 @@ class _DistancesLoop:
         now_s = time.monotonic()
         store = self._link.store()
         is_aligned = pose.status != "lost" and not pose.is_dead_reckoned
-        if not is_aligned or image is None or store is None or not store.count:
+        is_past = pose.map_epoch != self._state.map_epoch  # of a frame that is sent again
+        if not is_aligned or is_past or image is None or store is None or not store.count:
             return
         if now_s < self._next_s - _EARLY_S:
             return

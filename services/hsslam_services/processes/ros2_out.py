@@ -3,7 +3,7 @@
 It passes the pose of `/initialpose` on to the tracker, which looks for the camera there.
 
 Subscribes: in/frame, out/pose, out/grid, out/esdf
-Arena: reads keyframes, pose_log
+Arena: reads keyframes, map_state, pose_log
 """
 
 import time
@@ -22,6 +22,7 @@ from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_proto.requests import LOCATE
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
@@ -105,6 +106,7 @@ class Ros2Out:
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._has_other_rate = worker.options.rate_hz is not None
         self._link = SharedMap(worker.arena, worker.options.slam)
+        self._state = MapState(worker.run.arena_dir)
         self._max_depth_m = worker.options.slam.mapper.max_depth_m
         self._images: WaitingFrames | None = None
         self._clock = StampClock()
@@ -138,8 +140,9 @@ class Ros2Out:
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and path and points if they are due."""
+        is_past = pose.map_epoch != self._state.map_epoch  # of a frame that is sent again
         is_again = self._last and self._stamp_ns(self._last[0]) == self._stamp_ns(pose)
-        if pose.status == "lost" or is_again:
+        if pose.status == "lost" or is_again or is_past:
             return
         with self._worker.timed("ros2"):
             self._publish_pose(pose)

@@ -14,6 +14,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import wire_covariance
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes.ros2_out import Ros2Out
@@ -181,6 +182,23 @@ def test_frames_of_a_robot_begin_with_its_prefix(node):
         for name in (each.header.frame_id, getattr(each, "child_frame_id", "one/map"))
     }
     assert names == {"one/map", "one/odom", "one/base_link", "one/camera_optical_frame"}
+
+
+def test_a_frame_from_before_a_reset_that_is_sent_again_tells_nothing(run, node):
+    """Its pose is one in the map of then."""
+    MapState(run.arena_dir).map_epoch = 1
+    node.listener.hear("/hsslam/pose")
+    until(lambda: node.tell(map_epoch=1) and node.listener.count("/hsslam/pose"), 60)
+    past_ns, now_ns = node.tell(map_epoch=0), node.tell(map_epoch=1)
+    stamps_ns: list[int] = []
+
+    def is_heard() -> bool:
+        heard = node.listener.heard("/hsslam/pose")
+        stamps_ns.extend(_stamp_ns(one.by_rosbags) for one in heard)
+        return now_ns in stamps_ns
+
+    until(is_heard, 60)
+    assert past_ns not in stamps_ns
 
 
 def _stamp_ns(message) -> int:
