@@ -6,7 +6,8 @@ Follows `docs/design.md` of https://github.com/ros2/rmw_zenoh and the messages o
 import struct
 from dataclasses import dataclass
 
-_ATTACHMENT = struct.Struct("<qqB16s")  # sequence, ns since 1970, length of the gid, gid
+# sequence, ns since 1970, length of the gid, gid; since rmw_zenoh 0.2.4 of Jazzy
+_ATTACHMENT = struct.Struct("<qqB16s")
 _BEST_EFFORT, _TRANSIENT_LOCAL = 2, 1  # enums of rmw
 _DEFAULT_DEPTH = 42  # of rmw_zenoh
 _NO_ENCLAVE = "%"

@@ -5,6 +5,7 @@ from zenoh.ext import Int64
 
 from hsslam_services.camera.ros2_messages import topic_of, type_of
 from hsslam_services.ros2.names import NodeName, Qos, TopicName, all_tokens, attachment, gid
+from tests.repository import ROOT
 
 _HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 _CHATTER = TopicName("/chatter", "std_msgs/msg/String", _HASH)
@@ -38,6 +39,12 @@ def test_our_reader_of_keys_reads_them():
     key = TopicName("/hsslam/points", "sensor_msgs/msg/PointCloud2", _HASH).key(0)
     assert topic_of(key) == "/hsslam/points"
     assert type_of(key) == "sensor_msgs/msg/PointCloud2"
+
+
+def test_the_page_names_the_first_rmw_zenoh_that_reads_our_attachments():
+    """Pull request 601 of rmw_zenoh removed the names of their fields."""
+    told = " ".join((ROOT / "docs/ros2.md").read_text().split())
+    assert "of Jazzy 0.2.4 (April 2025) or newer, or of a newer ROS" in told
 
 
 def test_an_attachment_is_what_zenoh_serialises():
