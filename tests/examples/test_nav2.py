@@ -48,8 +48,16 @@ def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
     (source,) = (monitor[name] for name in monitor["observation_sources"])
     assert (source["type"], source["topic"]) == ("pointcloud", "/hsslam/points")
     costmap = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
-    heights = (costmap["depth"]["min_obstacle_height"], costmap["depth"]["max_obstacle_height"])
+    heights = (costmap["min_obstacle_height"], costmap["depth"]["max_obstacle_height"])
     assert (source["min_height"], source["max_height"]) == heights
+
+
+def test_points_of_the_floor_clear_the_costmap_and_do_not_mark_it():
+    """Nav2 drops points outside the heights of a source; the layer marks with those in its own heights."""
+    parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    layer = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
+    assert layer["depth"]["clearing"]
+    assert layer["depth"]["min_obstacle_height"] < 0 < layer["min_obstacle_height"]
 
 
 def test_the_page_says_in_which_frames_heights_count():
