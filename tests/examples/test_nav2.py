@@ -52,6 +52,16 @@ def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
     assert (source["min_height"], source["max_height"]) == heights
 
 
+def test_the_costmap_takes_each_map_in_before_the_next_comes():
+    """Else it is out of date most of the time, and Nav2 waits with its plans."""
+    parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    often_hz = parameters["global_costmap"]["global_costmap"]["ros__parameters"]["update_frequency"]
+    lines = (ROOT / "docs/ros2.md").read_text().splitlines()
+    (row,) = (line for line in lines if line.startswith("| `/hsslam/map`"))
+    told = re.search(r"\| (\d+) Hz at most \|", row)
+    assert told and often_hz >= 2 * float(told[1])
+
+
 def test_points_of_the_floor_clear_the_costmap_and_do_not_mark_it():
     """Nav2 drops points outside the heights of a source; the layer marks with those in its own heights."""
     parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
