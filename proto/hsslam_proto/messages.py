@@ -44,17 +44,17 @@ class Frame(Message, frozen=True, kw_only=True):
     endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. A pixel that
     undistortion cannot fill has the colour of the border, not black, and depth 0.
 
-    `publisher` is a random number of at least 2**62. A camera draws a new one each time it counts from 0, so
-    publisher and index identify a frame. If it is 0, the publisher in the attachment takes its place, and a
-    lower index with a later `stamp_ns` begins a new count.
+    `publisher` is a random number from `2**62` to `2**63 - 1`. A camera draws a new one each time it counts
+    from 0, so publisher and index identify a frame. If it is 0, the publisher in the attachment takes its
+    place, and a lower index with a later `stamp_ns` begins a new count.
 
     `odometry`: pose of the camera at the stamp by wheel or other odometry, in a frame of its own that
     drifts: x, y, z, qx, qy, qz, qw. Empty: unknown. `odometry_covariance` lists the same 21 numbers as
     `covariance` of `Pose`, but along the axes of the odometry's own frame. It grows along the path: its
     growth between two frames is the covariance of the motion between them. Empty beside `odometry`: the
-    standard deviations are 2 cm after 1 m and 0.02 rad after 1 rad. `odometry_series` is a random number,
-    drawn anew each time odometry or its covariance restarts. If it or `publisher` changes, the motion since
-    the frame before is unknown.
+    standard deviations are 2 cm after 1 m and 0.02 rad after 1 rad. `odometry_series` is a random number
+    from `0` to `2**63 - 1`, drawn anew each time odometry or its covariance restarts. If it or `publisher`
+    changes, the motion since the frame before is unknown.
 
     `imu`: integral of the samples of an IMU from the start of a series to the stamp: rotation of the camera
     qx, qy, qz, qw, integral of its specific force vx, vy, vz (m/s; at rest it grows upwards), and duration

@@ -1,4 +1,5 @@
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -46,6 +47,22 @@ def test_frame_round_trip_shares_the_payload():
     assert isinstance(back, messages.Frame)
     assert bytes(back.color) == bytes(frame.color)
     assert isinstance(back.color, memoryview)
+
+
+def test_the_numbers_that_the_document_tells_a_driver_to_draw_are_read():
+    """Of those that fit into 64 bits without a sign, most are refused."""
+    told = " ".join((messages.Frame.__doc__ or "").split())
+    drawn = re.findall(r"`(\w+)` is a random number from `([\d*]+)` to `2\*\*(\d+) - 1`", told)
+    assert [name for name, _, _ in drawn] == ["publisher", "odometry_series"]
+
+    def is_read(name: str, number: int) -> bool:
+        payload = encode(topics.FRAME, msgspec.structs.replace(_frame(), **{name: number}))
+        return isinstance(decode(topics.FRAME, payload, encoding_of(topics.FRAME)), messages.Frame)
+
+    for name, least, bits in drawn:
+        base, _, power = least.partition("**")
+        assert is_read(name, int(base) ** int(power or 1)) and is_read(name, 2 ** int(bits) - 1)
+        assert not is_read(name, 2 ** int(bits))
 
 
 def test_unknown_fields_are_ignored_and_new_ones_may_be_missing():

@@ -36,6 +36,7 @@ slowly misses messages; topics with history send them again on request. All keys
   the answers to a `get` on the key, without consolidation, hold the whole current state.
 - **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
   right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
+- **Integers** fit into 64 bits with a sign: one above `2**63 - 1` is refused.
 - **Limits**: the receiver does not read a payload above the limit of its topic or request. It unpickles
   nothing.
 - **Shared memory**: on the same machine large messages may come through zenoh's shared memory, which zenoh
