@@ -13,8 +13,11 @@ from hsslam_services.run.maps_folder import expect_map_name
 
 _MODES: tuple[str, ...] = get_args(Mode)
 _ARGUMENTS = {"save": "NAME", "set-mode": "|".join(_MODES), "query": "X Y Z", "locate": "X Y YAW"}
-_NUMBERS = {"query": "query X Y Z in metres", "locate": "locate X Y YAW in metres and degrees"}
-_LARGEST = 1_000_000  # number of a query or of locate
+_NUMBERS = {
+    "query": "query X Y Z in metres, at most 1000000",
+    "locate": "locate X Y YAW in metres and degrees, at most 1000000 and 10000",
+}
+_LARGEST = {"query": (1e6, 1e6, 1e6), "locate": (1e6, 1e6, 1e4)}
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 
@@ -109,9 +112,10 @@ class CtlOptions:
             found = tuple(map(float, self.arguments))
         except ValueError:
             found = (math.nan,)
-        if not all(abs(number) <= _LARGEST for number in found):
+        largest = _LARGEST[self.request]
+        if not all(abs(number) <= most for number, most in zip(found, largest, strict=False)):
             given = " ".join([self.request, *self.arguments])
-            raise UserError(f"{given}: expected {_NUMBERS[self.request]}, at most {_LARGEST}")
+            raise UserError(f"{given}: expected {_NUMBERS[self.request]}")
         return found
 
     def expect_request(self) -> None:

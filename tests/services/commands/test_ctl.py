@@ -49,6 +49,10 @@ _OF_RUN = ("camera", "recorder")
         (("query", "-x", "2", "1"), "-x: unknown option"),
         (("locate", "1", "2"), "locate 1 2: expected locate X Y YAW"),
         (("locate", "1", "2", "n"), "locate 1 2 n: expected locate X Y YAW in metres and degrees"),
+        (
+            ("locate", "0", "0", "20000"),
+            "locate 0 0 20000: expected locate X Y YAW in metres and degrees, at most 1000000 and 10000",
+        ),
         (("save", "../x"), "map '../x': expected a name of letters"),
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
