@@ -7,7 +7,9 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
+from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary
 
 _WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", "map.safetensors")
 _FILES = (
@@ -24,6 +26,7 @@ EARLIER = "earlier"  # folder of results that are kept; further ones have names 
 _LOGS = "logs"
 _PARTIAL = ".*.partial*"  # incomplete files
 _FOLDER = ".replaced"
+_IN_ORDER = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
 
 
 class ReplacedResults:
@@ -63,31 +66,37 @@ class ReplacedResults:
     def keep(self) -> str:
         """Keep the previous results in a subfolder; returns its name, "" if there are none."""
         if not _has(self._aside, _WORTH_KEEPING):
-            self.remove()
+            self._remove()
             return ""
         arena_dir: Path | None = None
         name = EARLIER
         with contextlib.suppress(UserError):  # run.json of another version
             run = RunInfo.read(self._aside)
             name, arena_dir = f"{EARLIER}-{run.run_id}", Path(run.arena_dir)
-        kept = self._free_folder(name)
-        _move(self._aside, kept)
-        self._aside.rmdir()
+        kept = self._aside.rename(self._free_folder(name))
         if arena_dir is not None and (unsaved := read_unsaved(arena_dir)) is not None:
-            mark_unsaved(arena_dir, kept, unsaved.artefacts)  # `hsslam-serve rescue` saves there
+            # `hsslam-serve rescue` saves there; if the memory is full, beside the run folder
+            with contextlib.suppress(OSError):
+                mark_unsaved(arena_dir, kept, unsaved.artefacts)
         return kept.name
 
     def _free_folder(self, name: str) -> Path:
-        """A new folder of this name, or of it with a number."""
+        """A folder of this name, or of it with a number, that does not exist."""
         names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
-        kept = next(path for each in names if not (path := self._run_dir / each).exists())
-        kept.mkdir()
-        return kept
+        return next(path for each in names if not (path := self._run_dir / each).exists())
 
-    def remove(self) -> None:
-        """Remove the previous results: the new run has poses."""
-        if self.exists:
-            shutil.rmtree(self._aside, ignore_errors=True)
+    def replace(self) -> str:
+        """The new run has poses: remove the previous results, or keep them if their run did not end in order;
+        returns the name of the folder that keeps them, or ""."""
+        if not self.exists:
+            return ""
+        if read_summary(self._aside).get("exit_code") not in _IN_ORDER:
+            return self.keep()
+        self._remove()
+        return ""
+
+    def _remove(self) -> None:
+        shutil.rmtree(self._aside, ignore_errors=True)
 
     def recover(self) -> None:
         """After a killed run: keep the previous results beside its own, or put them back if it has none."""

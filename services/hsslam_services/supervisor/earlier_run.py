@@ -1,4 +1,4 @@
-"""The previous run in the same folder: waits until it is saved, then sets its results aside."""
+"""The previous run in the same folder: waits until its results are saved."""
 
 import sys
 import time
@@ -8,12 +8,8 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owner_lives, try_own
 from hsslam_services.arena.unsaved_marker import is_marked
-from hsslam_services.artefacts.replaced_results import ReplacedResults
-from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import read_summary
 
-_REPLACED = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
 _LONGEST_RESCUE_S = 600.0
 _POLL_S = 0.05
 
@@ -34,22 +30,6 @@ def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> Non
     if owner_lives(arena_dir):
         raise UserError(f"--out {run_dir}: in use by another run: expected another folder")
     _wait_for_rescue(run_dir, arena_dir, is_cancelled)
-
-
-def set_earlier_run_aside(run_dir: Path) -> ReplacedResults:
-    """Make room for a run: keep the results of the previous run until the new run has poses, or for good if
-    the previous run did not end in order.
-
-    Raises:
-        OSError: the folder is not writable.
-    """
-    ended_in_order = read_summary(run_dir).get("exit_code") in [int(code) for code in _REPLACED]
-    results = ReplacedResults(run_dir)
-    results.set_aside()
-    if not ended_in_order and (name := results.keep()):
-        text = f"the previous run did not end in order: its results are in {name}"
-        print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)
-    return results
 
 
 def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], bool]) -> None:

@@ -33,7 +33,7 @@ from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
-from hsslam_services.supervisor.earlier_run import set_earlier_run_aside, wait_for_earlier_run
+from hsslam_services.supervisor.earlier_run import wait_for_earlier_run
 from hsslam_services.supervisor.folder_claim import FolderClaim
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 
@@ -105,7 +105,8 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
             options=options,
         )
         try:
-            replaced = set_earlier_run_aside(run_dir)
+            replaced = ReplacedResults(run_dir)
+            replaced.set_aside()
             undo.callback(_give_back, replaced)
             info.write()
             info.write_into_arena()

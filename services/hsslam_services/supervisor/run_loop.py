@@ -179,9 +179,10 @@ class RunLoop:
                 self._report(reporter.news.pop(0))
 
     def _replace_results(self) -> None:
-        """Remove the results of the previous run as soon as this one cannot be refused any more."""
-        if not self._may_be_refused:
-            self._replaced.remove()
+        """Remove or keep the results of the previous run as soon as this one cannot be refused any more."""
+        if not self._may_be_refused and (name := self._replaced.replace()):
+            text = f"the previous run did not end in order: its results are in {name}"
+            self._status.say(f"--out {self._info.run_dir}: {text}")
 
     @property
     def _may_be_refused(self) -> bool:

@@ -46,8 +46,23 @@ def test_results_go_once_the_next_run_has_poses(run_dir: Path):
     results = ReplacedResults(run_dir)
     results.set_aside()
     (run_dir / "trajectory.txt").write_text("new")
-    results.remove()
+    assert results.replace() == ""
     assert _content(run_dir) == {"mine.txt": "mine.txt of before", "trajectory.txt": "new"}
+
+
+@pytest.mark.parametrize("exit_code", [3, 4, None])  # None: it was killed
+def test_results_of_a_run_that_did_not_end_in_order_stay(run_dir: Path, exit_code: int | None):
+    (run_dir / "summary.json").write_text(
+        "{}" if exit_code is None else f'{{"exit_code": {exit_code}}}'
+    )
+    before = _content(run_dir)
+    results = ReplacedResults(run_dir)
+    results.set_aside()
+    (run_dir / "trajectory.txt").write_text("new")
+    assert results.replace() == "earlier"
+    assert _content(run_dir / "earlier") | {"mine.txt": "mine.txt of before"} == before
+    assert (run_dir / "trajectory.txt").read_text() == "new"
+    assert results.replace() == ""
 
 
 @pytest.mark.parametrize("has_results", [False, True])

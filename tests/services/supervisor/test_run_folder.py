@@ -65,6 +65,17 @@ def test_a_watchdog_that_cannot_be_started_leaves_all_as_it_was(serve, earlier):
     assert {path: path.read_bytes() for path in earlier} == earlier
 
 
+def test_a_run_that_is_refused_leaves_the_results_of_one_that_failed(earlier: dict[Path, bytes]):
+    folder = next(iter(earlier)).parent
+    earlier[folder / "summary.json"] = b'{"exit_code": 3}'
+    (folder / "summary.json").write_bytes(earlier[folder / "summary.json"])
+    run = _prepared("--out", str(folder))
+    run.close()
+    run.arena.remove()
+    run.give_back()
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == earlier
+
+
 @pytest.mark.parametrize("home", ["", "~"])
 def test_a_map_in_the_maps_folder_is_found_by_its_name(earlier, monkeypatch, home: str):
     folder = next(iter(earlier)).parent
