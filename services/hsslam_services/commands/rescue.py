@@ -17,11 +17,13 @@ from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
 
 _LOG = "log"  # in `not_saved`; no arena holds the log
+_GIVEN_UP = "a second signal ended the run"
 RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
 Saves the trajectories, map and mesh that a run could not write (exit code 4) and kept in shared memory.
 DIR is the run folder, or the folder in /dev/shm. When all three are saved, the command frees the memory.
-The memory does not hold the log: hsslam-log recover makes the log on disk readable.
+The memory does not hold the log: hsslam-log recover makes the log on disk readable. What a second signal
+gave up is lost.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
 is interrupted."""
@@ -44,7 +46,7 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     if not arena_dir.exists():
         not_saved = read_summary(run_dir).get("not_saved")
         if not_saved is not None and not_saved.keys() <= {_LOG}:
-            return _report_log(run_dir, not_saved)
+            return _report_end(run_dir, not_saved)
         raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
     try:
         with try_own(arena_dir) as is_free:
@@ -114,13 +116,16 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)
-    return _report_log(run_dir, left)
+    return _report_end(run_dir, left)
 
 
-def _report_log(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
-    """Report whether the log is saved, too; the rest is."""
-    if _LOG in not_saved:
-        print(f"{run_dir}: log not saved: {not_saved[_LOG]}", file=sys.stderr)
+def _report_end(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
+    """Report what no rescue can save: the log, and what a second signal gave up; the rest is saved."""
+    lost = dict.fromkeys(read_summary(run_dir).get("given_up", ()), _GIVEN_UP)
+    lost |= {name: why for name, why in not_saved.items() if name == _LOG}
+    for name, why in lost.items():
+        print(f"{run_dir}: {name} not saved: {why}", file=sys.stderr)
+    if lost:
         return ExitCode.NOT_SAVED
     print(f"{run_dir}: everything is saved")
     return ExitCode.SAVED

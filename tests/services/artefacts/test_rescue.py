@@ -1,6 +1,7 @@
-"""A rescue in the process that calls it: of an arena that holds nothing, and of one of another user."""
+"""A rescue in the process that calls it: of an arena that holds nothing, is gone, or is another user's."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_services.artefacts.rescue import rescue
 from hsslam_services.commands.rescue import rescue_command
+from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import read_summary
+from hsslam_services.run.summary import read_summary, update_summary
 
 
 def test_nothing_is_called_saved_if_there_is_nothing(run_info: RunInfo, tmp_path: Path):
@@ -20,6 +22,20 @@ def test_nothing_is_called_saved_if_there_is_nothing(run_info: RunInfo, tmp_path
     assert read_summary(tmp_path)["rescued"] == []
     assert not list(tmp_path.glob("*.txt"))
     assert RunInfo.read(tmp_path) == run_info
+
+
+def test_what_a_second_signal_gave_up_is_not_called_saved(
+    run_info: RunInfo, capsys: pytest.CaptureFixture[str]
+):
+    shutil.rmtree(run_info.arena_dir)
+    update_summary(run_info.path, {"not_saved": {}, "given_up": []})
+    assert rescue_command([str(run_info.path)]) == ExitCode.SAVED
+    assert capsys.readouterr() == (f"{run_info.path}: everything is saved\n", "")
+    update_summary(run_info.path, {"given_up": ["map", "mesh"]})
+    assert rescue_command([str(run_info.path)]) == ExitCode.NOT_SAVED
+    why = "not saved: a second signal ended the run"
+    told = [f"{run_info.path}: {name} {why}\n" for name in ("map", "mesh")]
+    assert capsys.readouterr() == ("", "".join(told))
 
 
 def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_saved(
