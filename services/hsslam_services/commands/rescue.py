@@ -109,10 +109,12 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     )  # after the environment, which PyTorch reads
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
-    known = read_summary(run_dir).get("not_saved", {})
+    known = read_summary(run_dir).get("not_saved") or {}
     left = {name: line for name, line in known.items() if name == _LOG} | not_saved
-    update_summary(run_dir, {"not_saved": None})
-    update_summary(run_dir, {"not_saved": left})
+    try:
+        update_summary(run_dir, {"not_saved": left}, replaced=("not_saved",))
+    except OSError as error:
+        raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)

@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +18,18 @@ _LOST, _DEAD_RECKONED = 2, 3  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
 
-def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
-    """Merge a section into the file; nested mappings are merged key by key.
+def update_summary(
+    run_dir: Path, section: Mapping[str, Any], replaced: Collection[str] = ()
+) -> None:
+    """Merge a section into the file; nested mappings are merged key by key, but those named in `replaced`.
 
     A file that is damaged, as by an editor or a full disk, is kept as summary.damaged.json.
     """
     known = _read(run_dir / _FILE)
     if known is None:
         (run_dir / _FILE).replace(run_dir / _DAMAGED_FILE)
-    merged = _merged(known or {}, section)
+    kept = {key: value for key, value in (known or {}).items() if key not in replaced}
+    merged = _merged(kept, section)
     encoded = msgspec.json.encode(merged, enc_hook=python_number)
     write_durably(run_dir / _FILE, msgspec.json.format(encoded))
 

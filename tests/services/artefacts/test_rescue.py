@@ -2,11 +2,14 @@
 
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.artefacts.rescue import rescue
 from hsslam_services.commands.rescue import rescue_command
 from hsslam_services.run.exit_code import ExitCode
@@ -36,6 +39,20 @@ def test_what_a_second_signal_gave_up_is_not_called_saved(
     why = "not saved: a second signal ended the run"
     told = [f"{run_info.path}: {name} {why}\n" for name in ("map", "mesh")]
     assert capsys.readouterr() == ("", "".join(told))
+
+
+@pytest.mark.parametrize("known", [None, {"map": "the disk is full"}])  # None: of an older version
+def test_a_rescue_replaces_what_is_not_saved(run_info: RunInfo, known: dict[str, str] | None):
+    arena = ArenaFolder("rescued", run_info.path, root=run_info.path)
+    info = replace(run_info, arena_dir=str(arena.path))
+    info.write()
+    info.write_into_arena()
+    arena.let_go()
+    update_summary(run_info.path, {"not_saved": known})
+    with patch.dict(os.environ):  # the command sets some for PyTorch
+        assert rescue_command([str(run_info.path)]) == ExitCode.SAVED
+    assert read_summary(run_info.path)["not_saved"] == {}
+    assert not arena.path.exists()
 
 
 def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_saved(
