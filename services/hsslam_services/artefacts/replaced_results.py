@@ -23,7 +23,7 @@ _FILES = (
     "config.toml",
 )
 EARLIER = "earlier"  # folder of results that are kept; further ones have names that begin so
-_LOGS = "logs"
+_FOLDERS = ("logs", "evaluation")
 _PARTIAL = ".*.partial*"  # incomplete files
 _FOLDER = ".replaced"
 _IN_ORDER = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
@@ -59,7 +59,8 @@ class ReplacedResults:
             return
         for path in [p for pattern in (*_FILES, _PARTIAL) for p in self._run_dir.glob(pattern)]:
             path.unlink()
-        shutil.rmtree(self._run_dir / _LOGS, ignore_errors=True)
+        for name in _FOLDERS:
+            shutil.rmtree(self._run_dir / name, ignore_errors=True)
         _move(self._aside, self._run_dir)
         self._aside.rmdir()
 
@@ -113,5 +114,6 @@ def _has(folder: Path, patterns: tuple[str, ...]) -> bool:
 def _move(source: Path, target: Path) -> None:
     for path in [path for pattern in _FILES for path in source.glob(pattern)]:
         path.rename(target / path.name)
-    with contextlib.suppress(OSError):  # no log files
-        (source / _LOGS).rename(target / _LOGS)
+    for name in _FOLDERS:
+        with contextlib.suppress(OSError):  # there is none
+            (source / name).rename(target / name)

@@ -13,10 +13,12 @@ from tests.services.serve_process import SMALL_ROOM
 def run_dir(tmp_path: Path) -> Path:
     """The folder of a run that ended, with a file of the user's."""
     folder = tmp_path / "site"
-    (folder / "logs").mkdir(parents=True)
+    for name in ("logs", "evaluation"):
+        (folder / name).mkdir(parents=True)
     (folder / "run.json").write_text('{"run_id": "20260101-000000-abcdef"}')
     (folder / "summary.json").write_text('{"exit_code": 0}')
-    for name in ("map.safetensors", "run.mcap", "trajectory.txt", "logs/mapper.log", "mine.txt"):
+    results = ("map.safetensors", "run.mcap", "trajectory.txt")
+    for name in (*results, "logs/mapper.log", "evaluation/error.png", "mine.txt"):
         (folder / name).write_text(f"{name} of before")
     return folder
 
