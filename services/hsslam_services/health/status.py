@@ -7,7 +7,6 @@ from typing import Any, Literal
 import msgspec
 
 from hsslam_proto.request_messages import Status
-from hsslam_proto.topics import FRAME
 from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.health.run_state import RunState
@@ -116,9 +115,9 @@ def frames_sent(children: Mapping[str, Child], state: RunState) -> int:
 
 
 def frames_dropped(children: Mapping[str, Child]) -> int:
-    """Number of frames that the tracker missed or could not use in real time, or that the camera skipped
-    because the source is slow."""
-    missed = children["tracker"].missed(FRAME.name) if "tracker" in children else 0
+    """Number of frames that the tracker missed or could not use in real time, also while it was restarted, or
+    that the camera skipped because the source is slow."""
+    missed = children["tracker"].counted("frames_dropped") if "tracker" in children else 0
     return missed + (children["camera"].counted("skipped") if "camera" in children else 0)
 
 

@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import time
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
@@ -77,7 +76,6 @@ class Child:
         self._started_s = 0.0
         self._worked_since_s: float | None = None
         self._beat_s = 0.0
-        self._missed_earlier: Counter[str] = Counter()  # by topic, of earlier processes
         self._counted_earlier: dict[str, int] = {}
         self._stop_sent_s = 0.0
         self._loop_s = 0.0
@@ -99,11 +97,6 @@ class Child:
     def pss_mb(self) -> int:
         """Memory by the last heartbeat; 0 if the process is dead."""
         return self.health.pss_mb if self.health and self.is_alive else 0
-
-    def missed(self, topic: str) -> int:
-        """Messages of a topic missed by this process and its predecessors, by their last heartbeats."""
-        counts = self.health.topics.get(topic) if self.health else None
-        return self._missed_earlier[topic] + (counts.dropped if counts else 0)
 
     def counted(self, name: str) -> int:
         """A counter that a restarted process continues, by the last heartbeat that had it."""
@@ -165,8 +158,6 @@ class Child:
 
     def _start(self, now: float) -> None:
         if self.health is not None:
-            topics = self.health.topics.items()
-            self._missed_earlier.update({name: counts.dropped for name, counts in topics})
             self._counted_earlier |= self.health.counters
         self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
         self._core_wait, self._has_reported_wait = None, False

@@ -10,6 +10,7 @@ Arena: reads map_state, map; writes keyframes, pose_log, load_level
 import math
 import time
 from functools import partial
+from pathlib import Path
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
@@ -36,6 +37,7 @@ from hsslam_services.governor.throttling import Throttling
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
+from hsslam_services.tracked.dropped_frames import DroppedFrames
 from hsslam_services.tracked.events import TrackingEvents
 from hsslam_services.tracked.keyframes_out import KeyframesOut
 from hsslam_services.tracked.left_out import LeftOutFrames
@@ -51,7 +53,12 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     is_lockstep = worker.options.pace == "lockstep"  # then the camera waits
-    frames = worker.bus.subscribe(topics.FRAME, 4 if is_lockstep else DEPTH)
+    dropped = DroppedFrames(Path(worker.run.arena_dir))
+    frames = (
+        worker.bus.subscribe(topics.FRAME, 4)  # after a restart the camera sends its frame again
+        if is_lockstep
+        else worker.bus.subscribe(topics.FRAME, DEPTH, awaited=dropped.awaited)
+    )
     incoming = frames if is_lockstep else TimelyFrames(frames)
     order = FrameOrder()
     loop = _TrackerLoop(worker, frames, order)
@@ -63,8 +70,14 @@ def _run(worker: Worker) -> None:
     worker.ready()
     while not worker.should_stop():
         received = incoming.wait_received(_POLL_S)
-        if received is not None and (place := inlet.admit(received)) is not None:
-            loop.take(received.message, received.arrival_ns, place)
+        if received is None:
+            continue
+        dropped.count += received.missed
+        if (place := inlet.admit(received)) is not None:
+            if not loop.take(received.message, received.arrival_ns, place):
+                dropped.count += 1
+            dropped.took(received.envelope)
+        worker.counters["frames_dropped"] = dropped.count
     loop.finish()
 
 
@@ -113,11 +126,12 @@ class _TrackerLoop:
             new_map_after_s=options.new_map_after_s, fragments=self._poses.log.newest_fragment(),
         )  # fmt: skip
 
-    def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
-        """Track a frame and publish its pose; for a frame tracked before, publish its pose again."""
+    def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> bool:
+        """Track a frame and publish its pose; for a frame tracked before, publish its pose again. False if it
+        is dropped, as it is unusable."""
         if place.kind == "old":
             self._poses.put_again(place, message.source_stamp_ns)
-            return
+            return True
         self._events.heard(place, message.source_stamp_ns)
         taken_ns = time.time_ns()
         try:
@@ -128,8 +142,8 @@ class _TrackerLoop:
         except OutOfMemoryError:
             raise
         except UserError as error:
-            self._refuse(error, Received(message, place, arrival_ns, taken_ns, time.time_ns(), 0))
-            return
+            refused = Received(message, place, arrival_ns, taken_ns, time.time_ns(), 0)
+            return self._refuse(error, refused)
         received = Received(message, place, arrival_ns, taken_ns, decoded_ns, pose_version)
         publish_ns = self._poses.put(result, received)
         published_s = time.monotonic()
@@ -150,16 +164,19 @@ class _TrackerLoop:
             self._tracker.use_map(level.uses_map)
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
+        return True
 
-    def _refuse(self, error: UserError, received: Received) -> None:
-        """Drop an unusable frame; in lockstep, publish it as lost, as the run waits for its pose."""
+    def _refuse(self, error: UserError, received: Received) -> bool:
+        """Drop an unusable frame; in lockstep, publish it as lost, as the run waits for its pose. False if it
+        is dropped."""
         self._events.refused(received.message.index, error)
         if self._is_realtime:
             self._frames.drop()
             self._left_out.since_last()  # the frame is the cause, not load
-        else:
-            self._poses.put(TrackResult.without_map(received.message.index), received)
-            self._order.take(received.place)
+            return False
+        self._poses.put(TrackResult.without_map(received.message.index), received)
+        self._order.take(received.place)
+        return True
 
     def finish(self) -> None:
         """After the last frame: join a fragment that is about to join the map."""

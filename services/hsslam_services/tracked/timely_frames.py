@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from hsslam_proto.messages import Frame
@@ -15,7 +16,8 @@ class TimelyFrames:
 
     A camera that was held up sends several frames at once. The tracker gets all of them, in their order.
     If the tracker is slower than the camera, this class drops frames: it drops a frame if a newer one waits
-    too, and the frame has waited for more than half of the time between their stamps.
+    too, and the frame has waited for more than half of the time between their stamps. `missed` of the newer
+    one counts it.
 
     `now_ns`: the monotonic clock, ns.
     """
@@ -39,7 +41,7 @@ class TimelyFrames:
                 self._next = newer
                 break
             self._frames.drop()
-            oldest = newer
+            oldest = replace(newer, missed=oldest.missed + 1 + newer.missed)
         return oldest
 
     def _is_late(self, older: Received[Frame], newer: Received[Frame]) -> bool:

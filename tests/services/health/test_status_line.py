@@ -35,8 +35,8 @@ def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
         state.posed(_pose(index), now_s - 1.0 + index / 10)
     state.map = MapVersion(version=6, iterations=60, loss=0.1, keyframes=3, mapping_ms=20.0)
     state.last_keyframe = 2
-    topics = {"in/frame": TopicCounts(dropped=4)}
-    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, topics=topics)
+    dropped = {"frames_dropped": 4}
+    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, counters=dropped)
     children["tracker"].health = health
     text = status_text(state, children).plain
     for part in ("frame 10/11 ", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):

@@ -1,8 +1,10 @@
 """The tracker process: every frame gets an answer where all wait for one."""
 
 import os
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +20,12 @@ from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import FrameOrder, Place, new_publisher
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
-from hsslam_services.processes.tracker import _TrackerLoop
+from hsslam_services.processes.tracker import _run, _TrackerLoop
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.tracked.events import TrackingEvents
+from tests.until import until
 
 _CAMERA = 7  # its number
 _IN_TURN = "frames of another camera in turn"
@@ -101,6 +105,39 @@ def test_a_camera_that_changes_is_reported_and_its_frames_count_as_dropped(
             told += [event.text] * (event.level == "warning")
     assert told[0].startswith("frame 0 dropped: images of 8x6 pixels: expected at least 8 a side")
     assert told[-1].startswith("10 frames in a row dropped; the last, frame 12: ")
+
+
+def test_frames_that_come_while_no_tracker_runs_count_as_dropped(make_run: Callable[..., RunInfo]):
+    run = make_run(source="zenoh:", slam=PRESETS["realtime"])
+    sent = iter(_frames_of(160, 12))
+    with Bus(run.endpoint, run.robot, "camera") as bus:
+        camera, poses = bus.publisher(topics.FRAME), bus.subscribe(topics.POSE, 16)
+
+        def send(count: int) -> None:
+            for frame in (next(sent) for _ in range(count)):
+                camera.put(frame_message(frame, time.time_ns(), _CAMERA))
+
+        for dropped, meanwhile in ((0, 5), (5, 3), (8, 0)):
+            with _tracker(run) as worker:
+                until(camera.has_subscribers)
+                send(1)
+                assert poses.wait(60.0) is not None
+                until(lambda: worker.counters.get("frames_dropped", -1) == dropped)  # noqa: B023
+            until(lambda: not camera.has_subscribers())
+            send(meanwhile)
+
+
+@contextmanager
+def _tracker(run: RunInfo) -> Iterator[Worker]:
+    """A tracker process, in threads of this one."""
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = threading.Thread(target=_run, args=(worker,))
+        loop.start()
+        try:
+            yield worker
+        finally:
+            worker.stop_event().set()
+            loop.join()
 
 
 def test_two_cameras_in_turn_are_reported_and_one_that_restarts_is_not(
