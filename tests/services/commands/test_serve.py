@@ -50,6 +50,7 @@ def interrupted(arguments):
 serve_command_line.parse_command_line = interrupted
 serve.main()
 """
+_LONG_END = ("--finish-s", "60", "--slam.mapper.last-iterations", "100000")  # before the mesh
 _SAME_RESULTS = (
     *("trajectory.txt", "trajectory_online.txt", "keyframes.txt"),
     *("map.safetensors", "mesh.ply"),
@@ -163,17 +164,26 @@ def test_a_sigterm_to_the_first_process_of_a_container_ends_its_start(tmp_path: 
     assert not out.exists()
 
 
-@pytest.mark.alone  # it ends within 8 s of wall-clock time
-def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+@pytest.mark.parametrize("code", [ExitCode.CUT_SHORT, ExitCode.NOT_SAVED])
+def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(
+    serve, code: ExitCode
+):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", *_LONG_END)
     run.wait_for_poses(5)
-    (run.out / "trajectory.txt").mkdir()
+    if code == ExitCode.NOT_SAVED:
+        (run.out / "trajectory.txt").mkdir()
     run.signal(signal.SIGTERM)
     _sleep_unless_ended(run, 1.2 * ONE_REQUEST_S)
     run.signal(signal.SIGINT)
-    assert run.finish(timeout_s=8) == ExitCode.NOT_SAVED, run.stderr
-    assert run.stderr.strip().endswith(f"hsslam-serve rescue {run.arena_dir}")
-    assert run.left_behind() == [str(run.arena_dir)]
+    assert run.finish(timeout_s=40) == code, run.stderr
+    assert "mesh" in run.summary()["given_up"] and not (run.out / "mesh.ply").exists()
+    assert "mesh not saved: a second signal ended the run" in run.stderr
+    if code == ExitCode.NOT_SAVED:
+        assert run.stderr.strip().endswith(f"hsslam-serve rescue {run.arena_dir}")
+        assert run.left_behind() == [str(run.arena_dir)]
+    else:
+        assert len(read_tum(run.out / "trajectory.txt")) >= 5
+        run.expect_nothing_left()
 
 
 def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
