@@ -67,6 +67,15 @@ def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:
     return not session.exists() or session.read_text().split()[-1] == str(spec.nice)
 
 
+def _has_counted_each_frame(run: ServeProcess) -> bool:
+    """Whether the frames that tracker and camera count add up; the run is paused."""
+    sent = run.heartbeats("camera", 1)[-1].counters
+    if (status := run.status()) is None:
+        return False
+    answered = status.frames_tracked + status.frames_lost
+    return answered >= 20 and answered + status.frames_dropped == sent["sent"] + sent["skipped"]
+
+
 def test_a_run_leaves_its_results_and_nothing_else(serve):
     closed = ("sh", "-c", 'exec "$@" <&- >&-', "sh")
     run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate", prefix=closed)
@@ -74,6 +83,7 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     ask(run.endpoint, "robot", PAUSE, Ask())  # the run cannot end meanwhile
     for spec in _PROCESSES:  # the last ones are born after the first pose
         run.wait_until(partial(_gives_way, run, spec), 20)
+    run.wait_until(partial(_has_counted_each_frame, run), 20)
     ask(run.endpoint, "robot", RESUME, Ask())
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
@@ -81,7 +91,6 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     summary = run.summary()
     frames = summary["frames"]
     assert frames["in"] == 60
-    assert frames["tracked"] + frames["lost"] + frames["dropped"] == 60
     assert frames["tracked"] >= 25  # how many more is the benchmark's business
     assert summary["latency_ms"]["p95"] > 0
     assert summary["evaluation"]
