@@ -29,6 +29,7 @@ info = RunInfo("test", str(run_dir), str(arena.path), endpoint, "robot", os.getp
                ServeOptions())
 info.write()
 info.write_into_arena()
+(arena.path / "pose_header.bin").write_bytes(int(sys.argv[3]).to_bytes(8, sys.byteorder))
 watchdog = start_watchdog(run_dir, arena.path)
 child = spawn("tests.services.sample_worker", run_dir)
 print(watchdog.pid, child.pid, flush=True)
@@ -39,12 +40,15 @@ child.wait()
 """
 
 
-def _start(run_dir: Path, behaviour: str, seconds: float) -> tuple[subprocess.Popen, list[int]]:
+def _start(
+    run_dir: Path, behaviour: str, seconds: float, poses: int = 0
+) -> tuple[subprocess.Popen, list[int]]:
     (run_dir / "behaviour").write_text(behaviour)
-    command = [sys.executable, "-c", _SUPERVISOR, str(run_dir), str(seconds)]
+    command = [sys.executable, "-c", _SUPERVISOR, str(run_dir), str(seconds), str(poses)]
     supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert supervisor.stdout is not None
     pids = [int(word) for word in supervisor.stdout.readline().split()]
+    assert len(pids) == 2  # of the watchdog and of a process
     return supervisor, pids
 
 
@@ -88,9 +92,8 @@ def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(
     (tmp_path / "map.safetensors").write_text("of the run before")
     ReplacedResults(tmp_path).set_aside()
     assert not (tmp_path / "map.safetensors").exists()
-    supervisor, pids = _start(tmp_path, "obedient", 60)
+    supervisor, pids = _start(tmp_path, "obedient", 60, poses)
     _wait_for_work(tmp_path)
-    (tmp_path / "hsslam-test" / "pose_header.bin").write_bytes(poses.to_bytes(8, sys.byteorder))
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
     _wait_for_ends(pids, 6.0)
@@ -99,6 +102,7 @@ def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(
 
 
 def test_orderly_end_needs_no_watchdog(tmp_path: Path):
-    supervisor, pids = _start(tmp_path, "obedient", 1.5)
-    supervisor.wait(10)
+    supervisor, pids = _start(tmp_path, "obedient", 1.5, poses=2)
+    assert supervisor.wait(10) == 0
     _wait_for_ends(pids, 2.0)
+    assert not (tmp_path / "summary.json").exists()  # it saved nothing
