@@ -64,7 +64,7 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
             # the second pose of a frame that was sent twice only gets a step: the next frame may be under
             # way, and its keyframe must wait for its own pose
             is_new = order.is_new(pose.publisher, pose.index)
-            while is_new and loop.has_work():
+            while is_new and loop.has_work() and not worker.should_stop():
                 loop.work()
             if is_new:
                 loop.make_room()

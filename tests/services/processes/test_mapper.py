@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.slam import Slam
+from hsslam_proto import topics
 from hsslam_services.arena.arena import Arena
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import mapper
 from hsslam_services.run.run_info import RunInfo
+from tests.services.wire_samples import pose
 from tests.small_room import SMALL, room_frames, room_poses
 
 
@@ -39,6 +41,35 @@ def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
     assert (
         step == 2 + 2 * 2 + 2
     )  # first ones, of both keyframes as a mapper that resumes, last ones
+
+
+class _StoppedAtFirst(mapper._MapperLoop):
+    """The supervisor ends the process while it does the first of the waiting iterations."""
+
+    def work(self) -> None:
+        super().work()
+        self._worker.stop_event().set()
+
+
+def test_in_lockstep_the_mapper_leaves_waiting_keyframes_to_the_end_if_it_must_stop(
+    make_run: Callable[..., RunInfo],
+):
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
+    config = replace(SMALL, mapper=quick, ba=replace(SMALL.ba, enabled=False))
+    run = make_run(slam=config, pace="lockstep")
+    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
+    slam.process(room_frames()[0])
+    store, parameters = slam.store, slam.parameters
+    assert store and parameters
+    with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = _StoppedAtFirst(worker)
+        for k in range(1, 9):  # as of a fragment that joins
+            store.append(room_frames()[k], room_poses()[k])
+        before = parameters.step
+        worker.bus.publisher(topics.POSE).put(pose(8))
+        mapper._follow_keyframes(worker, loop)
+        assert parameters.step == before + 2
+        assert loop.has_work()
 
 
 def test_the_mapper_makes_room_for_a_fragment_that_waits(make_run: Callable[..., RunInfo]):
