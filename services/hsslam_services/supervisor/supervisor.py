@@ -6,6 +6,7 @@ Arena: reads pose_log; writes map_state
 """
 
 import contextlib
+import signal
 import subprocess
 import traceback
 from collections.abc import Callable, Mapping
@@ -54,6 +55,8 @@ class Supervisor:
         """
         check_source_exists(self._options)  # before signals are caught: it may start a download
         hear_stop_signals(self._signalled)
+        # a parent that ignores it would hide the ends of forked processes
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         if self._was_interrupted():
             raise KeyboardInterrupt
         allow_descriptors()
