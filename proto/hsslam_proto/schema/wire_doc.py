@@ -18,9 +18,11 @@ socket that only this user can reach (`endpoint` in `run.json`). Other programs 
 `--zenoh-port 7447` opens `tcp/127.0.0.1:7447`; `--bind`, `--security`, `--ros2-out`, `--source zenoh:` and
 `--source ros2:` open it as well. These programs are clients: session mode `client`, the router as the
 endpoint to connect to, scouting off. Through the port a client may publish `in/**`, subscribe to all topics
-and send all requests; with [certificates](security.md) its role limits it. It subscribes by keys within
-`in/**`, `out/**` or `sys/*`: for a wider key, such as `hsslam/robot/**`, the router sends nothing and reports
-no error. With `--ros2-out` and `ros2:` it may also be a ROS node
+and send all requests; with [certificates](security.md) its role limits it. Frames and their end are taken
+only by runs with `--source zenoh:`. A run with another source has a camera process of its own: its router
+drops `in/frame` and `in/end` of clients without an error, and their publishers have no subscriber. A client
+subscribes by keys within `in/**`, `out/**` or `sys/*`: for a wider key, such as `hsslam/robot/**`, the router
+sends nothing and reports no error. With `--ros2-out` and `ros2:` it may also be a ROS node
 ([what it may do](security.md#ros-nodes-at-the-port)). A client that reads too
 slowly misses messages; topics with history send them again on request. All keys begin with
 `hsslam/<robot>/` (`--robot`, default `robot`).

@@ -22,6 +22,7 @@ from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.request_messages import Status
 from hsslam_services.bus.bus import Bus, free_endpoint
+from hsslam_services.run.run_info import RunInfo
 
 NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 _STRANGE_INDEX = 2**62
@@ -44,7 +45,8 @@ def absurd_index(experiment: Experiment) -> Finding:
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000", "--metrics-port", str(metrics))
     run.wait_for_poses(30)
     (frame,) = small_room_frames(1)
-    with Bus(run.endpoint, "robot", "stranger", settings=NO_SHARED_MEMORY) as bus:
+    inside = RunInfo.read(run.out).endpoint  # the port takes no frames
+    with Bus(inside, "robot", "stranger", settings=NO_SHARED_MEMORY) as bus:
         publisher = bus.publisher(topics.FRAME)
         bus.live_processes()  # a round trip: the router knows the publisher
         for k in range(10):  # the tracker takes only the newest frame

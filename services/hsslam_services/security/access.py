@@ -1,7 +1,7 @@
 """Access control of the router: rights of each role, and of clients without certificates. Default: deny."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import zenoh
@@ -10,6 +10,10 @@ from hsslam_proto.requests import MESH, QUERY, REQUESTS, STATUS, TRAJECTORY
 from hsslam_proto.topics import TOPICS, Topic
 
 WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: only processes of this user
+_BESIDE_OWN_CAMERA = (
+    "in/odometry",
+    "in/imu",
+)  # what clients publish if the run has a camera process
 _PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; ** matches no @
 _LIVE = "hsslam/*/sys/live/*/*"
 _MESSAGES = (
@@ -59,12 +63,16 @@ NO_CERTIFICATE = Role(
 
 
 def access_control(
-    robot: str, has_certificates: bool, ros_domain: int | None = None
+    robot: str,
+    has_certificates: bool,
+    ros_domain: int | None = None,
+    has_camera_process: bool = False,
 ) -> dict[str, Any]:
     """Access control of a zenoh router: processes of the run may do everything, clients what their role may.
 
     Clients may publish and send requests only for `robot`; they may subscribe to any robot.
-    `ros_domain`: domain of the ROS nodes that may use this router.
+    `ros_domain`: domain of the ROS nodes that may use this router. `has_camera_process`: the run has a camera
+    of its own, so clients may publish neither frames nor their end.
     """
     ros_keys = () if ros_domain is None else _ros_keys(ros_domain)
     every_key = ("**", f"**{_PUBLISHER_KEYS}", *ros_keys)
@@ -73,6 +81,8 @@ def access_control(
     subjects: list[dict[str, Any]] = [{"id": "workers", "link_protocols": [WORKER_LINK]}]
     policies: list[dict[str, Any]] = [{"rules": ["workers"], "subjects": ["workers"]}]
     for role in ROLES if has_certificates else (NO_CERTIFICATE,):
+        if has_camera_process and role.publishes:
+            role = replace(role, publishes=_BESIDE_OWN_CAMERA)
         of_role = _rules(role, robot)
         if ros_keys:
             of_role.append(_rule(f"{role.name} in ROS", both, _MESSAGES, ros_keys))

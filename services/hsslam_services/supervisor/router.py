@@ -53,8 +53,9 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     inside = f"{WORKER_LINK}/{arena_dir}/router.sock"
     settings = {**_BRIEF_WAITS, **shared_memory_of_run(options.has_camera_process, False)}
     settings["transport/unicast/max_sessions"] = most_sessions()
-    access = access_control(options.robot, bool(options.security), options.ros_domain)
-    settings["access_control"] = access
+    settings["access_control"] = access_control(
+        options.robot, bool(options.security), options.ros_domain, options.has_camera_process
+    )
     if options.ros_domain is not None:
         settings |= INTRODUCES_PEERS
     notices: list[tuple[str, str]] = []

@@ -14,7 +14,7 @@ from hsslam_services.supervisor.router import open_run_router
 
 @dataclasses.dataclass(frozen=True)
 class SecureRouter:
-    """`inside`: where processes of the run connect; `outside`: everybody else, with a certificate."""
+    """Of a run with `zenoh:`. `inside`: for its own processes; `outside`: for others, with a certificate."""
 
     inside: str
     outside: str
@@ -39,7 +39,7 @@ def other_certs(tmp_path: Path) -> Path:
 @pytest.fixture
 def secure_router(certs: Path, tmp_path: Path) -> Iterator[SecureRouter]:
     port = int(free_endpoint().rpartition(":")[2])
-    options = ServeOptions(zenoh_port=port, robot="r", security=str(certs / "router"))
+    options = ServeOptions("zenoh:", zenoh_port=port, robot="r", security=str(certs / "router"))
     router = open_run_router(options, tmp_path)
     yield SecureRouter(router.endpoint, f"tls/127.0.0.1:{port}", certs)
     router.session.close()

@@ -105,6 +105,35 @@ def test_a_camera_publishes_frames_and_nothing_else(secure_router):
         assert (poses.received, stops.received, frames.rejected) == (1, 0, 0)
 
 
+def test_no_client_feeds_or_ends_a_run_that_has_a_camera_process(tmp_path):
+    port = int(free_endpoint().rpartition(":")[2])
+    options = ServeOptions("synth:room", zenoh_port=port, robot="r")
+    router = open_run_router(options, tmp_path)
+    with (
+        router.session,
+        Bus(router.endpoint, "r", "supervisor") as inside,
+        Bus(f"tcp/127.0.0.1:{port}", "r", "outside-camera") as outside,
+        open_client(f"tcp/127.0.0.1:{port}") as plain,
+    ):
+        inputs = [topic for topic in topics.TOPICS if topic.name.startswith("in/")]
+        heard = {topic: inside.subscribe(topic, 8) for topic in inputs}
+        frames, odometry = outside.publisher(topics.FRAME), outside.publisher(topics.ODOMETRY)
+        until(odometry.has_subscribers)
+        assert not frames.has_subscribers()
+        frames.put(frame(0))
+        outside.publisher(topics.SOURCE_END).put(run_messages.SourceEnd(frame_count=1))
+        for key in ("hsslam/r/in/frame", "hsslam/r/in/end", "hsslam/r/in/**", "hsslam/r/in/*"):
+            plain.put(key, b"by any means")
+        for sender in (odometry, outside.publisher(topics.IMU)):
+            sender.put_payload(b"")
+        plain.put("hsslam/r/in/odometry", b"")
+        until(lambda: heard[topics.ODOMETRY].rejected == 2 and heard[topics.IMU].rejected)
+        own = inside.publisher(topics.FRAME)
+        until(lambda: (own.put(frame(1)), heard[topics.FRAME].pending())[1])
+        assert {taken.index for taken in heard[topics.FRAME].drain()} == {1}
+        assert heard[topics.FRAME].rejected == heard[topics.SOURCE_END].received == 0
+
+
 def test_a_camera_hears_steps_and_poses_but_no_images(secure_router):
     security = str(secure_router.certs / "camera")
     with (

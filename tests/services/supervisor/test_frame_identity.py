@@ -19,7 +19,9 @@ from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import LARGEST_STEP, new_publisher
 from hsslam_proto.messages import Pose
 from hsslam_proto.run_messages import SourceEnd
+from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
+from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SENT_ROOM, SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
@@ -95,15 +97,18 @@ def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_o
     assert encoding_of(topics.FRAME).endswith(".v1")
 
 
-def test_a_run_with_a_camera_takes_the_frames_of_no_other(serve):
+def test_a_run_with_a_camera_takes_the_frames_of_no_other_and_is_ended_by_no_other(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(5)
     (frame,) = _frames(1)
-    sender = _sender(run)
-    for k in range(10):
-        sender.put(frame_message(replace(frame, index=2**52 + k), time.time_ns()))
-        sender.put(frame_message(replace(frame, index=k), time.time_ns(), new_publisher()))
-        time.sleep(0.03)
+    run.bus.publisher(topics.SOURCE_END).put(SourceEnd(frame_count=1))
+    with Bus(RunInfo.read(run.out).endpoint, "robot", "stranger") as inside:  # the port takes none
+        sender = inside.publisher(topics.FRAME)
+        run.wait_until(sender.has_subscribers, 60)
+        for k in range(10):
+            sender.put(frame_message(replace(frame, index=2**52 + k), time.time_ns()))
+            sender.put(frame_message(replace(frame, index=k), time.time_ns(), new_publisher()))
+            time.sleep(0.03)
     run.wait_for_poses(10)
     assert len({pose.publisher for pose in run.poses}) == 1
     assert _refused(run) > 0

@@ -89,7 +89,7 @@ def test_a_port_is_open_if_it_is_asked_for(asked, place):
 def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
     port = int(free_endpoint().rpartition(":")[2])
     with (
-        _router(tmp_path, zenoh_port=port) as router,
+        _router(tmp_path, source="zenoh:", zenoh_port=port) as router,
         Bus(router.endpoint, "r", "supervisor") as inside,
         Bus(f"tcp/127.0.0.1:{port}", "r", "tracker") as outside,
     ):

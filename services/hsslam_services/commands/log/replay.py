@@ -126,8 +126,11 @@ def _replay(args: Sequence[str]) -> None:
         bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
         if options.connect:
             _expect_robot(bus, endpoint)
+        frames = bus.publisher(FRAME)
         if not options.step:
             time.sleep(options.delay)
+            if options.connect and FRAME.name in names and not frames.has_subscribers():
+                _echo(f"no run takes frames at {endpoint}: expected hsslam-serve --source zenoh:")
         progress = stack.enter_context(log_progress("replayed", files))
         logged = progress.over(bus_messages(files, names))
         if options.step:

@@ -94,6 +94,17 @@ def test_a_service_gets_new_frames_from_each_replay_and_nothing_else(tmp_path, e
     assert all(abs(time.time_ns() - message.stamp_ns) < 60e9 for message in heard)
 
 
+def test_a_service_that_takes_no_frames_is_told(tmp_path, endpoint, capsys):
+    args = [str(write_log(tmp_path, count=2)), "--connect", endpoint, "--robot", "desk"]
+    with Bus(endpoint, "desk", "supervisor") as bus:
+        for is_told in (True, False):
+            assert main([*args, "--delay", "0.2"]) == 0
+            told = f"no run takes frames at {endpoint}: expected hsslam-serve --source zenoh:"
+            assert (told in capsys.readouterr().err) == is_told
+            bus.subscribe(topics.FRAME, 2)
+            bus.live_processes()  # a round trip: the router knows it
+
+
 def test_a_service_of_another_robot_is_named_at_once(tmp_path, endpoint, capsys):
     with Bus(endpoint, "desk", "supervisor") as bus:
         bus.live_processes()  # a round trip: the router knows it
