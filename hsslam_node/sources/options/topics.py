@@ -30,7 +30,7 @@ class Ros2Options:
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
-    """Longest wait for the first images, s."""
+    """Longest wait for the router, and then for the first images, s."""
 
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info", "odometry", "imu"):

@@ -12,12 +12,10 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
-from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_client, open_router
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
@@ -29,6 +27,7 @@ from hsslam_services.camera.ros2_messages import (
 )
 from hsslam_services.camera.ros2_sensors import Ros2Sensors
 from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_used
+from hsslam_services.ros2.listening_session import open_listening_session
 
 _RING = 4  # newest waiting images of a topic
 _POLL_S = 0.001
@@ -57,7 +56,11 @@ class Ros2Source:
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
-        self._session = _session(options.ros2.connect)
+        timeout_s = options.ros2.timeout_s
+        session = open_listening_session(options.ros2.connect, timeout_s, should_stop)
+        if session is None:
+            raise _stopped(name)
+        self._session = session
         domain = options.ros2.domain
         self.reports = Reports()
         with contextlib.ExitStack() as on_error:
@@ -165,7 +168,7 @@ class Ros2Source:
             camera is None or pair is None or (needs_sensors and self._sensors.silent)
         ) and time.monotonic() < deadline:
             if self._should_stop():
-                raise UserError(f"source ros2:{name}: stopped before the first frame")
+                raise _stopped(name)
             try:
                 if camera is None and (sample := self._info.try_recv()) is not None:
                     camera = self._camera_of(sample)
@@ -232,6 +235,10 @@ class Ros2Source:
         return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
 
 
+def _stopped(name: str) -> UserError:
+    return UserError(f"source ros2:{name}: stopped before the first frame")
+
+
 def _other_frame(topic: str, depth_frame: str, color_frame: str) -> Report:
     """Depth names another camera than colour; the images alone do not show whether it is registered."""
     return Report(
@@ -239,14 +246,3 @@ def _other_frame(topic: str, depth_frame: str, color_frame: str) -> Report:
         f"{topic}: frame_id {depth_frame}: expected {color_frame} as colour, if depth is registered to it "
         "(realsense: align_depth.enable:=true)",
     )
-
-
-def _session(router: str) -> zenoh.Session:
-    """A client of the given router of the ROS nodes; if none is given, the default router of ROS, or a client
-    of it if it runs already."""
-    if router:
-        return open_client(router)
-    try:
-        return open_router(ROS_ROUTER, settings=INTRODUCES_PEERS)
-    except UserError:
-        return open_client(ROS_ROUTER)

@@ -21,6 +21,7 @@ from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
+from hsslam_services.ros2 import listening_session
 from tests.services.camera.ros_camera import (
     FIRST_NS,
     CompressedImage,
@@ -228,7 +229,7 @@ def test_images_that_are_all_broken_are_refused(endpoint, ros_camera, room):
 def test_the_doctor_looks_at_it(has_router, endpoint, room, tmp_path, capsys, monkeypatch):
     """Where ROS nodes look for a router; if none is there, the doctor is the one that they find."""
     place = endpoint if has_router else free_endpoint()
-    monkeypatch.setattr(ros2_source, "ROS_ROUTER", place)
+    monkeypatch.setattr(listening_session, "ROS_ROUTER", place)
     camera = RosCamera(place)
     camera.start(room)
     try:
