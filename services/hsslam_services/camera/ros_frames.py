@@ -1,5 +1,7 @@
 """Makes frames from colour and depth images of ROS."""
 
+import itertools
+
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -9,6 +11,7 @@ from hsslam_node.sources.ros2.raw_image import RawImage, expect_size
 from hsslam_node.sources.source import BadFrame
 
 MOST_BROKEN = 30  # undecodable pairs at the start
+_SAME_COEFFICIENT = 1e-3  # of one lens: moves no pixel of a usual image by a pixel
 
 
 def can_be_used(pair: tuple[RawImage, RawImage], camera: Camera | None) -> bool:
@@ -48,17 +51,23 @@ class RosFrames:
         self._depth_scale = depth_scale
         self.depth_units_per_m = _expect_registered(source, camera, *first, depth_scale)
         self._undistortion = Undistortion(camera)
+        self._first = camera
         self.camera = camera.undistorted()
         self._changed = ""  # how the newest `camera_info` differs from the first
 
     def hear_camera(self, camera: Camera) -> None:
-        """Take a later `camera_info`; frames are bad while it differs from the first by more than a pixel."""
-        differs = camera.differs_in(self.camera) is not None
-        now, first = (
-            f"{c.width_px}x{c.height_px} with fx, fy, cx, cy = {intrinsics_text(c)}"
-            for c in (camera, self.camera)
-        )
-        self._changed = f"{now}: expected {first} as at first" if differs else ""
+        """Take a later `camera_info`; frames are bad while it differs from the first by more than a pixel, or
+        has another lens."""
+        self._changed = ""
+        if camera.differs_in(self._first) is not None:
+            now, first = (
+                f"{c.width_px}x{c.height_px} with fx, fy, cx, cy = {intrinsics_text(c)}"
+                for c in (camera, self._first)
+            )
+            self._changed = f"{now}: expected {first} as at first"
+        elif not _is_same_lens(camera, self._first):
+            now, first = (_lens_text(c) for c in (camera, self._first))
+            self._changed = f"{now}: expected {first} as at first"
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
         """The undistorted frame of a pair; a `BadFrame` if the pair cannot be used."""
@@ -93,6 +102,21 @@ class RosFrames:
 def intrinsics_text(camera: Camera) -> str:
     """fx, fy, cx and cy for errors, px."""
     return ", ".join(f"{value:.1f}" for value in (camera.fx, camera.fy, camera.cx, camera.cy))
+
+
+def _is_same_lens(one: Camera, other: Camera) -> bool:
+    """Whether two lenses have the same model and coefficients; those that are not given are 0."""
+    if not (one.has_lens or other.has_lens):
+        return True
+    if one.distortion_model != other.distortion_model:
+        return False
+    pairs = itertools.zip_longest(one.distortion, other.distortion, fillvalue=0.0)
+    return all(abs(here - there) <= _SAME_COEFFICIENT for here, there in pairs)
+
+
+def _lens_text(camera: Camera) -> str:
+    numbers = ", ".join(f"{value:.4g}" for value in camera.distortion)
+    return f"lens model {camera.distortion_model} with coefficients [{numbers}]"
 
 
 def _expect_registered(
