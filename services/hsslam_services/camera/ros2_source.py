@@ -32,6 +32,7 @@ from hsslam_services.ros2.listening_session import open_listening_session
 _RING = 4  # newest waiting images of a topic
 _POLL_S = 0.001
 _LARGEST_BYTES = 2**26  # of a message
+_SENSORS_S = 1.0  # after the first pair of a camera that is opened again
 _SILENCE_S = 5.0
 _MOST_SILENCES = 3  # in a row, until the camera is lost and opened again
 _LOOK_AROUND_S = 1.0
@@ -194,6 +195,8 @@ class Ros2Source:
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
                 f"{problem or self._sensors.problem or self._why_none()}; heard: {self._heard()}"
             )
+        if not needs_sensors:
+            self._hear_sensors()
         if silent := self._sensors.silent:
             if not needs_sensors:
                 text = f"{silent.topic}: silent since the camera is opened again: frames go on without it"
@@ -205,6 +208,13 @@ class Ros2Source:
                 f"--ros2.{silent.name}"
             )
         return camera, pair
+
+    def _hear_sensors(self) -> None:
+        """Wait a little for sensors that send more rarely than the camera."""
+        deadline = time.monotonic() + _SENSORS_S
+        while self._sensors.silent and time.monotonic() < deadline and not self._should_stop():
+            time.sleep(_POLL_S)
+            self._sensors.hear()
 
     def _why_none(self) -> str:
         return "" if self._pairs.nearest_ns is None else f"; {self._apart(self._pairs.nearest_ns)}"

@@ -56,6 +56,32 @@ def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
         np.testing.assert_allclose(T_odom_cam[:3, 2], [0.0, -1.0, 0.0], atol=1e-6)
 
 
+def test_sensors_may_send_more_rarely_than_a_camera_that_is_opened_again(
+    endpoint, ros_camera, room
+):
+    ended = threading.Event()
+
+    def drive() -> None:
+        for k in itertools.count():
+            if ended.wait(0.5):
+                return
+            stamp_ns = FIRST_NS + k * 500_000_000
+            stands = odometry(stamp_ns, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            ros_camera.put("/odom", stands, "Odometry")
+
+    ros_camera.start(room)
+    driving = threading.Thread(target=drive)
+    driving.start()
+    try:
+        asked = replace(ros2_options(endpoint, 1, odometry="/odom"), is_reopened=True)
+        source = open_any_source("ros2:/camera", asked)
+        frames = list(source.frames())
+    finally:
+        ended.set()
+        driving.join()
+    assert len(frames) == 1 and not reports_of(source).take()
+
+
 def _put_imu(camera: RosCamera, ended: threading.Event, rates, forces, **more) -> None:
     """100 samples a second: two seconds at once, then as they come."""
     for k in range(-10, 4000):
