@@ -40,6 +40,25 @@ def test_an_outside_process_publishes_a_source(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("host", "encodings"), [("127.0.0.1", ("rgb8", "u16")), ("0.0.0.0", ("jpeg", "png"))]
+)
+def test_frames_go_compressed_to_another_machine(tum_folder, host, encodings):
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    with Bus(endpoint, "robot", "tracker") as bus:
+        frames, ends = bus.subscribe(topics.FRAME, 8), bus.subscribe(topics.SOURCE_END)
+        place = endpoint.replace("127.0.0.1", host)
+        done = run_script(EXAMPLE, f"tum:{tum_folder}", place)
+        assert ends.wait(10.0) is not None
+        heard = frames.drain()
+    router.close()
+    assert done.returncode == 0
+    assert done.stderr == f"waiting for hsslam-serve --source zenoh: at {place}\n"
+    assert len(heard) == 5
+    assert {(frame.color_encoding, frame.depth_encoding) for frame in heard} == {encodings}
+
+
+@pytest.mark.parametrize(
     ("arguments", "text"), [((), "publish_camera.py"), (("nothing:",), "error: ")]
 )
 def test_bad_input_is_one_line(arguments, text):

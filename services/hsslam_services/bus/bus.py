@@ -22,6 +22,7 @@ from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.bus.zenoh_session import (
     NO_SETTINGS,
+    OVER_NETWORK,
     Settings,
     free_endpoint,
     open_client,
@@ -48,7 +49,7 @@ class Bus:
     """A client session with the router of a run; holds the liveliness token of this process.
 
     `security`: folder of the certificate for an endpoint `tls/HOST:PORT`. `settings`: further zenoh
-    settings.
+    settings. Over `tcp/` and `tls/` a large message that may be dropped waits up to 1 s for a slow link.
 
     Never fork while a `Bus` is open: the child would hang. Use it as a context manager or call `close`.
 
@@ -75,7 +76,8 @@ class Bus:
         self._queues: list[RequestQueue] = []
         self._answers: list[PassedOnAnswers] = []
         self._closed = False
-        given = {**client_settings(endpoint, security), **settings}
+        of_link = OVER_NETWORK if endpoint.startswith(("tcp/", "tls/")) else NO_SETTINGS
+        given = {**of_link, **client_settings(endpoint, security), **settings}
         self._session = open_client(endpoint, settings=given)
         atexit.register(self.close)  # an open session can keep the interpreter from ending
         token_key = f"{self._live_prefix}/{process}/{os.getpid()}"

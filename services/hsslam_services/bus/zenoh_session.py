@@ -38,6 +38,12 @@ _THREADS = 8  # of a connected session
 NO_SETTINGS: Settings = MappingProxyType({})
 # for a router of ROS nodes: they are peers and find one another by the gossip of the router
 INTRODUCES_PEERS: Settings = MappingProxyType({"scouting/gossip/enabled": True})
+_DROP = "transport/link/tx/queue/congestion_control/drop"
+# Of clients that may be on another machine. By itself zenoh drops a message that the link has not taken in
+# 50 ms: most raw frames below 200 Mbit/s. The router has limits of its own, because of frozen subscribers.
+OVER_NETWORK: Settings = MappingProxyType(
+    {f"{_DROP}/max_wait_before_drop_fragments": 1_000_000}
+)  # us
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -47,7 +53,7 @@ _COMMON: Settings = {
     "transport/link/rx/max_message_size": 512 * 2**20,
     # if a peer reads nothing for 1 s while buffers are full, zenoh cuts the link; the peer reconnects
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
-    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
+    f"{_DROP}/wait_before_drop": 5_000,  # us
 }
 
 
