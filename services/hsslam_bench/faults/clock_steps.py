@@ -51,7 +51,8 @@ def wall_clock_steps(experiment: Experiment) -> Finding:
     run.wait_for_poses(30)
     came: dict[int, int] = {}
     for hours in (-1, 1):
-        offset.write_bytes(struct.pack("<q", hours * _HOUR_S))
+        with offset.open("r+b") as file:  # in place: a mapped file that is truncated is a SIGBUS
+            file.write(struct.pack("<q", hours * _HOUR_S))
         before = len(run.new_poses())
         time.sleep(_WATCH_S)
         came[hours] = len(run.new_poses()) - before

@@ -11,14 +11,9 @@ from hsslam_bench.results.report import Machine
 from hsslam_bench.tables.plan import Job, RunResult
 from hsslam_node.errors import UserError
 from hsslam_services.run.run_info import write_atomically
+from hsslam_services.run.summary import names_code
 
 VERSION = 1
-
-
-def names_code(commit: str) -> bool:
-    """Whether a commit, as `source_commit` gives it, names the code: not with changed files (a trailing +),
-    which may have changed again, and not outside of a checkout ("")."""
-    return bool(commit) and not commit.endswith("+")
 
 
 class _Content(msgspec.Struct):

@@ -18,9 +18,8 @@ from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_bench.tables.options import TableOptions
 from hsslam_bench.tables.paper_tables import ABLATION, IMAGES, MESH
 from hsslam_bench.tables.plan import Job, RunResult, plan_table
-from hsslam_bench.tables.result_file import names_code
 from hsslam_bench.tables.run_job import run_job
-from hsslam_services.run.summary import source_commit
+from hsslam_services.run.summary import names_code, source_commit
 
 _BOUNDS_CM: Mapping[str, float | None] = {
     "house": 0.5,

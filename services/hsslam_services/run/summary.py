@@ -125,6 +125,12 @@ def source_commit() -> str:
     return commit_of(Path(__file__))
 
 
+def names_code(commit: str) -> bool:
+    """Whether a commit, as `source_commit` gives it, names the code: not with changed files (a trailing +),
+    which may have changed again, and not outside of a checkout ("")."""
+    return bool(commit) and not commit.endswith("+")
+
+
 def commit_of(file: Path) -> str:
     """Commit of the repository that tracks `file`, with + if it has changes; empty if none tracks it."""
     try:

@@ -1,4 +1,4 @@
-"""Counts the frames of a run that have no pose, in the arena folder: a restarted tracker goes on counting."""
+"""The frames of a run without a pose, counted in a file of its own in the arena: restarts go on counting."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Counts the frames that the service left out because it was behind."""
+"""Counts the frames that the service left out because it was behind; apart from `DroppedFrames`: of all."""
 
 from pathlib import Path
 
