@@ -9,11 +9,14 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.view_from_above import mean_up
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.presets import REALTIME
 
-UpSource = Literal["gravity", "--up", "--base-T-camera", "floor plane", "camera poses"]
+UpSource = Literal[
+    "gravity", "--up", "--base-T-camera", "level camera", "floor plane", "camera poses"
+]
 _MOST_VIEWS = 40
 _ROWS_PX = 90  # of the image that is looked at
 # about the direction so far: of normals that count for the next
@@ -24,6 +27,7 @@ _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
 _FEWEST = 300  # points of a floor
 _FLOOR_SHARE = 0.03  # of all points
 _BELOW_M = 0.15  # the cameras
+_TILT_DEG = 3.0  # floors and gravity that are found are less than this off
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,18 @@ class FloorPlane:
         """Direction up, its source, and the height of the floor, for people."""
         up = f"direction up by {self.source}: {self.up_text}"
         return f"{up}; the floor at {self.height_m:.2f} m along it"
+
+    def tilt_against(self, seen: "FloorPlane") -> str | None:
+        """For people: that `up` is not the direction up of a floor that was seen; None: it is, or the floor
+        does not tell."""
+        cosine = float(np.clip(np.dot(self.up, seen.up), -1, 1))
+        tilt_deg = float(np.rad2deg(np.arccos(cosine)))
+        if seen.source == "camera poses" or tilt_deg <= _TILT_DEG:
+            return None
+        return (
+            f"direction up by {self.source} is {tilt_deg:.0f} degrees off that by {seen.source}: expected "
+            "--base-T-camera with the tilt of the camera, in the run that began the map"
+        )
 
     @property
     def T_floor_world(self) -> np.ndarray:
@@ -83,11 +99,17 @@ def floor_by(
     up against gravity if the map knows it; see `find_floor`."""
     if T_level_world is not None:
         up = T_level_world[2, :3]
-        found = find_floor(views, camera, up, "--base-T-camera", max_depth_m)
+        found = find_floor(views, camera, up, level_source(T_level_world), max_depth_m)
         return replace(found, T_level_world=T_level_world)
     if gravity is None:
         return find_floor(views, camera, max_depth_m=max_depth_m)
     return find_floor(views, camera, np.array(gravity.up), "gravity", max_depth_m)
+
+
+def level_source(T_level_world: np.ndarray) -> UpSource:
+    """The source of up in a level frame [4, 4]: without --base-T-camera the first camera counts as level."""
+    is_default = np.allclose(T_level_world, RobotFrames().T_base_cam)
+    return "level camera" if is_default else "--base-T-camera"
 
 
 def find_floor(

@@ -52,6 +52,8 @@ class RollingWindow:
         self._marked_version = -1  # of the poses that it was last marked anew at
         self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
         self.floor: FloorPlane | None = None
+        # for people, if gravity or the floor contradicts the level frame
+        self.tilt: str | None = None
         self.occupancy: Occupancy | None = None
 
     def take(
@@ -99,6 +101,9 @@ class RollingWindow:
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
         found = floor_by(gravity, views, keyframes.camera, level, self._max_depth_m)
+        if level is not None:
+            seen = floor_by(gravity, views, keyframes.camera, max_depth_m=self._max_depth_m)
+            self.tilt = found.tilt_against(seen)
         T_before, before = self.T_floor_world, self.floor
         self.floor = found
         if before is not None:

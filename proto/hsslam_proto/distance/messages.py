@@ -52,7 +52,7 @@ class Grid(Raster, frozen=True, kw_only=True):
     floor. The corner of cell (0, 0) lies at `t` in the world, on the floor. Rows go along y, columns along x
     of the grid's frame, whose z is up; `q` rotates that frame into the world. `up_by` is the source of the
     direction up: "gravity" (of an IMU), "floor plane", "camera poses" (no floor seen yet),
-    "--base-T-camera".
+    "--base-T-camera", "level camera" (assumed with --ros2-out if --base-T-camera is not given).
     """
 
     cells: memoryview

@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.keyframes import keyframes_of_store
-from hsslam_node.distance.floor_plane import UpSource, floor_by
+from hsslam_node.distance.floor_plane import UpSource, floor_by, level_source
 from hsslam_node.geometry.floor_pose import FloorFrames, FloorPose
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.allocator import ArrayAllocator
@@ -86,7 +86,7 @@ class AskedPlace:
     def _floor(self, store: KeyframeStore) -> tuple[FloorFrames, UpSource]:
         """The floor frame, as for `hsslam-map grid` and `--grid`, and the source of the up direction."""
         if (level := store.world_frame.T_level_world) is not None:
-            return FloorFrames(level, self._T_base_cam), "--base-T-camera"
+            return FloorFrames(level, self._T_base_cam), level_source(level)
         keyframes = keyframes_of_store(store)
         gravity = store.world_frame.gravity
         floor = floor_by(gravity, keyframes.views, keyframes.camera, max_depth_m=self._max_depth_m)

@@ -74,7 +74,7 @@ class _DistancesLoop:
         self._blocks = _PublishedBlocks(worker)
         self._window: RollingWindow | None = None
         self._reported: FloorPlane | None = None
-        self._is_none_reported = False
+        self._is_none_reported = self._is_tilt_reported = False
         self._next_s = 0.0
 
     def take(self, pose: Pose) -> None:
@@ -116,7 +116,7 @@ class _DistancesLoop:
         known = self._window.take(depth_m, camera, T_world_cam, pose.keyframe, pose.pose_version)
         floor = self._window.floor
         assert floor is not None
-        self._report_floor(floor)
+        self._report_floor(floor, self._window.tilt)
         options = self._worker.options
         band = Band(options.grid_from_height_m, options.grid_to_height_m, floor.source)
         grid = grid_map(known, band.low_m, band.high_m)
@@ -130,8 +130,11 @@ class _DistancesLoop:
             self._is_none_reported = True
             self._worker.event("warning", f"no grid yet: {error}")
 
-    def _report_floor(self, floor: FloorPlane) -> None:
-        """Report the up direction and its source when they are found or change."""
+    def _report_floor(self, floor: FloorPlane, tilt: str | None) -> None:
+        """Report the up direction and its source when they are found or change; once, that it is tilted."""
+        if tilt is not None and not self._is_tilt_reported:
+            self._is_tilt_reported = True
+            self._worker.event("warning", f"grid: {tilt}")
         if floor is self._reported:
             return
         self._reported = floor

@@ -3,17 +3,20 @@
 import numpy as np
 import pytest
 
+from hsslam_node.distance.floor_plane import FloorPlane
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from tests.node.distance.conftest import wall
-from tests.small_room import room_frames, room_poses
+from tests.small_room import OPTIONS, room_frames, room_poses
 
 _UPRIGHT = np.array(  # z up, x ahead, of a camera at a height of 1.3 m that looks ahead
     [[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.3], [0, 0, 0, 1]]
@@ -154,3 +157,33 @@ def test_the_floor_of_a_room_is_found_and_its_cells_are_free():
     assert (grid.cells == CELL_FREE).sum() > 300 and (grid.cells == CELL_OCCUPIED).sum() > 50
     ahead = known.T_grid_world @ poses[-1] @ [0, 0, 0.8, 1]
     assert grid.cells_at(ahead[None, :2]).tolist() == [CELL_FREE]
+
+
+def _room_window(T_level_world: np.ndarray, gravity: Gravity | None = None) -> RollingWindow:
+    """Over five keyframes of the small room, whose camera looks down by 12 degrees."""
+    frames, poses = room_frames(), room_poses()
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+    store.world_frame.note_level(T_level_world)
+    if gravity is not None:
+        store.world_frame.note_gravity(gravity)
+    for k in range(0, 40, 8):
+        store.append(frames[k], poses[k])
+    window = RollingWindow(store)
+    window.take(first.depth_m(), first.camera, poses[0], -1)
+    return window
+
+
+def test_a_robot_frame_that_is_not_level_is_told_by_floor_and_gravity():
+    truth = open_ground_truth("synth:room", OPTIONS)
+    assert truth
+    x, y, z = (float(part) for part in truth.T_world_cam[0, 2, :3])
+    gravity, ahead = Gravity((x, y, z), 0.001), RobotFrames().T_base_cam
+    for known, source in ((None, "floor plane"), (gravity, "gravity")):
+        assumed = _room_window(ahead, known)
+        assert assumed.floor is not None and assumed.floor.source == "level camera"
+        told = f"direction up by level camera is 12 degrees off that by {source}: expected --base-T"
+        assert assumed.tilt is not None and assumed.tilt.startswith(told)
+        level = _room_window(FloorPlane((x, y, z), 0.0, "--up").T_floor_world, known)
+        assert level.floor is not None and level.floor.source == "--base-T-camera"
+        assert level.tilt is None

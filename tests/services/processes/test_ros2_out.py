@@ -77,6 +77,8 @@ def test_a_run_is_told_to_ros(serve, own_address, tmp_path):
         listener.wait_until(lambda: "/initialpose: the camera is found at " in run.stderr, 120)
         run.signal(signal.SIGINT)
         assert run.finish() == 0, run.stderr
+        assert "grid: direction up by --base-T-camera: " in run.stderr
+        assert " degrees off that by " not in run.stderr
         listener.wait_until(lambda: listener.alive() == 0)
     finally:
         listener.close()
