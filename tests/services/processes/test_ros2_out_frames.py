@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from hsslam_node.geometry.se3 import transform
 from hsslam_node.map.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
@@ -168,6 +169,32 @@ def test_a_speed_that_is_not_known_is_told_as_such(node):
     np.testing.assert_array_equal(unsure.pose.covariance, unknown)
 
 
+def test_the_covariance_of_odometry_has_the_axes_of_odom(node):
+    """Corrections have turned them by 50 degrees against those of map."""
+    topics_of_poses = ("/hsslam/pose", "/hsslam/odom")
+    for topic in topics_of_poses:
+        node.listener.hear(topic)
+    until(lambda: node.tell() and all(map(node.listener.count, topics_of_poses)), 60)
+    turn = np.deg2rad(25)  # half of the angle, about y of the camera, which points down
+    stamp_ns = node.tell(
+        odometry=[0, 0, 0, 0, np.sin(turn), 0, np.cos(turn)],
+        covariance=wire_covariance(1e-4 * np.diag([1.0, 2, 3, 4, 5, 6])),
+    )
+
+    def told(topic: str) -> Any:
+        heard = (one.by_rosbags for one in node.listener.heard(topic))
+        return next((one.pose for one in heard if _stamp_ns(one) == stamp_ns), None)
+
+    until(lambda: all(map(told, topics_of_poses)), 60)
+    in_map, in_odom = map(told, topics_of_poses)
+    by_map, by_odom = (np.reshape(one.covariance, (6, 6)) for one in (in_map, in_odom))
+    expected = 1e-4 * np.array([3.0, 1, 2, 6, 4, 5]) + 1e-8  # z, x, y of the camera
+    np.testing.assert_allclose(by_map, np.diag(expected), atol=1e-12)
+    R = np.kron(np.eye(2), _rotation(in_odom.pose) @ _rotation(in_map.pose).T)
+    assert abs(by_odom[0, 1]) > 5e-5
+    np.testing.assert_allclose(by_odom, R @ by_map @ R.T, atol=1e-12)
+
+
 def test_frames_of_a_robot_begin_with_its_prefix(node):
     """Two runs at one router must not mix their transforms."""
     for topic in ("/tf", "/hsslam/pose", "/hsslam/odom"):
@@ -203,3 +230,8 @@ def test_a_frame_from_before_a_reset_that_is_sent_again_tells_nothing(run, node)
 
 def _stamp_ns(message) -> int:
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def _rotation(pose) -> np.ndarray:
+    q = pose.orientation
+    return transform(np.zeros(3), np.array([q.x, q.y, q.z, q.w]))[:3, :3]

@@ -1,13 +1,17 @@
 """Options of what goes out to ROS 2: wrong ones are one line, before a run begins."""
 
 import importlib.util
+import re
+import shlex
 
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.launch.process_table import PROCESSES
 from hsslam_services.ros2.type_store import expect_packages
 from hsslam_services.run.options import ServeOptions
+from tests.repository import ROOT
 
 
 @pytest.mark.parametrize(
@@ -39,6 +43,14 @@ def test_the_process_is_there_if_it_is_asked_for():
     assert spec.exists(ServeOptions(ros2_out="/hsslam"))
     assert not spec.exists(ServeOptions())
     assert not spec.is_needed("realtime") and not spec.is_needed("lockstep")
+
+
+def test_the_command_of_the_page_is_ours():
+    text = (ROOT / "docs/ros2.md").read_text()
+    (words,) = re.findall(r"^\$ hsslam-serve (.+)$", text, re.MULTILINE)
+    options = parse_command_line(shlex.split(words))
+    assert (options.source, options.ros2_out, options.grid) == ("ros2:/camera", "/hsslam", True)
+    assert options.base_T_camera == (0.20, 0, 0.35, -0.5, 0.5, -0.5, 0.5)
 
 
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch):
