@@ -18,4 +18,4 @@ class RayHits(NamedTuple):
     """Where rays [N] end."""
 
     distance_m: np.ndarray  # [N] float64; inf without a hit
-    hit: np.ndarray  # [N] bool: a surface within `max_m` that a keyframe saw
+    hit: np.ndarray  # [N] bool: within `max_m`, a surface that a keyframe saw and that is not gone

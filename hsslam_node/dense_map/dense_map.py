@@ -111,8 +111,8 @@ class DenseMap:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
         A ray that starts behind a surface must come out before it can hit one. A surface that no keyframe
-        saw is no hit: the ray passes it. A ray that reaches the map after more than 10^9 m hits
-        nothing.
+        saw, or that keyframes saw through later, is no hit: the ray passes it. A ray that reaches the map
+        after more than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
@@ -129,7 +129,7 @@ class DenseMap:
             )
         along = along / largest
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        distance_m = self._rays.distances(start, along, max_m, self._seen.saw)
+        distance_m = self._rays.distances(start, along, max_m, self._seen.may_have_surface)
         hit = distance_m > 0
         return RayHits(np.where(hit, distance_m, np.inf), hit)
 

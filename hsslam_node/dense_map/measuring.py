@@ -3,7 +3,8 @@
 import numpy as np
 
 from hsslam_node.dense_map.answers import MapAnswers
-from hsslam_node.dense_map.seen_space import PRIOR_INFORMATION, SeenCells
+from hsslam_node.dense_map.seen_space import GONE_M, PRIOR_INFORMATION, SeenCells
+from hsslam_node.distance.states import FREE
 from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.map_queries import Queries
 
@@ -21,7 +22,8 @@ def answers_at(
     The field's distance is the SDF over its slope, to first order the way to the surface. A slope below 1
     counts as 1: a saturated field would give too large distances. Up to 0.3 truncations the field counts
     alone. From there to 0.6 it blends into the distance to the surfaces that keyframes measured, unless
-    that surface is farther. Without a measured distance, as just behind a surface, it counts to 0.95.
+    that surface is farther. Without a measured distance, as just behind a surface, it counts to 0.95. Its
+    surface does not count where keyframes saw free space later.
 
     Gradients are those of the distance to measured surfaces, which are smoother than the field's. If the
     two distances are not to one surface, they are the field's.
@@ -32,8 +34,8 @@ def answers_at(
     _look_up(points, seen.information, first, per_m, certainty)
     _judge(*found, certainty, np.float32(truncation_m + _NEAR_M), is_near)
     near = np.flatnonzero(is_near)
-    field = queries.sdf_and_gradient(points[near])
-    _add_field(*field, near, *found, certainty, np.float32(truncation_m))
+    field, cells = queries.sdf_and_gradient(points[near]), (seen.distances.states, first, per_m)
+    _add_field(points, *field, near, *cells, *found, certainty, np.float32(truncation_m))
     return MapAnswers(*found, certainty)
 
 
@@ -58,12 +60,26 @@ def _judge(distance, gradient, known, certainty, near_m, is_near):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_field(sdf, slope, near, distance, gradient, known, certainty, truncation_m):
-    """Write or blend in the field's distance [N] m and gradient [N, 3] at points `near` [M].
+def _add_field(
+    points,
+    sdf,
+    slope,
+    near,
+    states,
+    first,
+    per_m,
+    distance,
+    gradient,
+    known,
+    certainty,
+    truncation_m,
+):
+    """Write or blend in the field's distance [N] m and gradient [N, 3] at points `near` [M] of [N, 3] m.
 
     Args:
         sdf: [M], in truncations.
         slope: [M, 3] T/m, its derivative.
+        states: [X, Y, Z] of cells, `per_m` a metre along each axis; the first one has the numbers `first`.
     """
     one, zero = np.float32(1.0), np.float32(0.0)
     for m in range(near.shape[0]):
@@ -77,6 +93,11 @@ def _add_field(sdf, slope, near, distance, gradient, known, certainty, truncatio
         length = np.sqrt(x * x + y * y + z * z)  # T/m
         own_m = sdf[m] * truncation_m / max(length * truncation_m, np.float32(_LEAST_SLOPE))
         beyond_m = distance[k] - own_m  # nan if it is not measured
+        if beyond_m > np.float32(GONE_M):
+            step = own_m / length if length > 0 else zero
+            surface = points[k, 0] - step * x, points[k, 1] - step * y, points[k, 2] - step * z
+            if _is_free(surface, states, first, per_m):
+                continue
         share = one
         if beyond_m < np.float32(_SAME_M) and s > np.float32(_ALONE):
             share = (np.float32(TRUSTED) - s) / np.float32(TRUSTED - _ALONE)
@@ -85,6 +106,17 @@ def _add_field(sdf, slope, near, distance, gradient, known, certainty, truncatio
         if not abs(beyond_m) < np.float32(_SAME_M):
             scale = one / length if length > 0 else zero
             gradient[k, 0], gradient[k, 1], gradient[k, 2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_free(point, states, first, per_m):
+    """Whether the cell of a point (x, y, z) m is FREE."""
+    i = int(np.floor(point[0] * per_m) - first[0])
+    j = int(np.floor(point[1] * per_m) - first[1])
+    l = int(np.floor(point[2] * per_m) - first[2])  # noqa: E741
+    nx, ny, nz = states.shape
+    is_inside = 0 <= i < nx and 0 <= j < ny and 0 <= l < nz
+    return is_inside and states[i, j, l] == FREE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

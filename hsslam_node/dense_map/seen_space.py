@@ -25,6 +25,7 @@ _MARGIN_M = 0.5  # around seen space, so that a growing map seldom needs another
 _NEAREST_M = 0.1  # in front of a camera
 _EXTENT_PX = 8  # step between the pixels that bound what a keyframe sees
 _NOISE = 1.8e-3  # 1/m, of a Kinect: deviation of its depth z is this times z^2
+GONE_M = 0.05  # where keyframes saw free space, the field has no surface that is farther from measured ones
 PRIOR_INFORMATION = np.float32(0.01**-2)  # 1/m^2, of a place known to 1 cm, for the certainty
 
 
@@ -46,6 +47,14 @@ class SeenCells(NamedTuple):
         seen = self.grid.holds(indices)
         seen[seen] = self.information[tuple(indices[seen].T)] > 0
         return seen
+
+    def may_have_surface(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] m that a keyframe saw, and that are not free space by later ones.
+
+        The field keeps the surface of an object that was carried off.
+        """
+        found = self.distances.query(points)
+        return self.saw(points) & ~(found.known & (found.distance_m > GONE_M))
 
 
 def certainty_of(information: np.ndarray) -> np.ndarray:

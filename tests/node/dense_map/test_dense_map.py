@@ -163,6 +163,40 @@ def test_no_sphere_that_is_free_touches_the_room():
     assert free.any() and not free.all()
 
 
+def test_a_surface_that_keyframes_saw_through_later_is_gone():
+    """Ten more looks of a keyframe find all that it shows 12 cm farther away; the field keeps it."""
+    room, k = mapped_room(), 1  # frame 4
+    whole, params = keyframes_of_store(room.store), room.parameters.published()[1]
+    before = replace(
+        whole, ids=whole.ids[[k]], stamps_ns=whole.stamps_ns[[k]], T_world_cam=whole.T_world_cam[[k]],
+        depth_m=lambda _: whole.depth_m(k),
+    )  # fmt: skip
+    after = replace(
+        before, ids=np.arange(11), stamps_ns=before.stamps_ns.repeat(11),
+        T_world_cam=before.T_world_cam.repeat(11, axis=0),
+        depth_m=lambda n: whole.depth_m(k) + np.float32(0.12 * (n > 0)),
+    )  # fmt: skip
+    there, gone = (
+        DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
+        for keyframes in (before, after)
+    )
+    surface, eye = _measured(4), room_poses()[4][:3, 3]
+    ray = (surface - eye) / np.linalg.norm(surface - eye, axis=1, keepdims=True)
+    across = -np.einsum("ni,ni->n", there.query(surface - 0.02 * ray).gradient, ray) > 0.8
+    surface, ray = surface[across], ray[across]
+    points, origins = surface - 0.02 * ray, np.broadcast_to(eye, surface.shape)
+    assert np.median(there.query(points).distance_m) < 0.03 < 0.08
+    assert np.median(gone.query(points).distance_m) > 0.08
+    length_m = np.linalg.norm(surface - eye, axis=1)
+
+    def ends_there(one_map: DenseMap) -> np.ndarray:
+        return np.abs(one_map.raycast(origins, ray).distance_m - length_m) < 0.04
+
+    assert ends_there(there).mean() > 0.9 and ends_there(gone).mean() < 0.3
+    balls = Spheres(points[::20], 0.03)
+    assert there.is_free(balls).mean() < 0.1 and gone.is_free(balls).mean() > 0.5
+
+
 def test_a_view_is_what_the_camera_saw():
     frame, pose = room_frames()[6], room_poses()[6]
     color, depth_m = _map().render(pose)
