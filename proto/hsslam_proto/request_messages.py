@@ -137,8 +137,8 @@ class SavedMap(Message, frozen=True, kw_only=True):
 
 
 class PointAnswers(Message, frozen=True, kw_only=True):
-    """Answers for each point, in the order of the request: `distance_m` [N] float32 to the nearest
-    surface, negative behind it, nan if unknown; `gradient` [N, 3] float32 of the distance, of unit
+    """Answers for each point, in the order of the request: `distance_m` [N] float32 to the nearest surface
+    that keyframes saw, negative behind it, nan if unknown; `gradient` [N, 3] float32 of the distance, of unit
     length, or 0 if there is none; `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface;
     `certainty` [N] float32, 0 to 1, by the number and distance of the keyframes that saw the place; all
     little endian.

@@ -64,7 +64,7 @@ def main() -> None:
 
 def free_space(seen: Seen, spec: str, options: SourceOptions, voxel_m: float) -> dict[str, Any]:
     """Errors at points of free space: "certain", where all nearer space was seen; "queried", the answers of
-    the map at these points; "all" points."""
+    the map where all nearer space was seen by its own voxels, which lie along other axes; "all" points."""
     _, truth = source_with_truth(spec, options)
     mesh = truth.mesh()
     if mesh is None:
@@ -79,8 +79,8 @@ def free_space(seen: Seen, spec: str, options: SourceOptions, voxel_m: float) ->
         "all": distance_errors(found, true, FAR_M, found.known),
     }
     if seen.map is not None:
-        answers = seen.map.query(points)
-        errors["queried"] = distance_errors(answers, true, FAR_M, certain & answers.known)
+        answers, is_judged = seen.map.query(points), seen.map.distances().is_certain(points)
+        errors["queried"] = distance_errors(answers, true, FAR_M, is_judged & answers.known)
     return {
         "up": floor.source,
         "keyframes": len(seen.views),

@@ -78,6 +78,18 @@ def test_distances_to_a_wall(space, camera):
     assert not behind.known.any() and np.isnan(behind.distance_m).all()
 
 
+def test_a_distance_beside_unseen_space_is_not_certain(space, camera):
+    """The left half of the wall was not measured: what is before it may be nearer than the right half."""
+    half = wall(2.03)
+    half[:, :80] = 0
+    for _ in range(3):
+        space.observe(half, camera, np.eye(4))
+    distances = DistanceMeter().measure(space)
+    points = np.array([[0.4, 0, 1.8], [0.1, 0, 1.8], [0.4, 0, 1.2], [-0.4, 0, 1.8]])
+    assert distances.query(points).known.tolist() == [True, True, True, False]
+    assert distances.is_certain(points).tolist() == [True, False, False, False]
+
+
 def test_distances_end_at_the_reach(space, camera):
     for _ in range(2):
         space.observe(wall(2.03), camera, np.eye(4))

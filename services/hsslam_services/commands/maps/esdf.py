@@ -32,7 +32,8 @@ class EsdfOptions:
     (0 unknown, 1 free, 2 occupied; the distance of an unknown voxel is a guess), voxel_m, first [3]
     (voxel i, j, k has its middle at voxel_m times first + i, j, k + 0.5), T_grid_world [4, 4] (from the
     world of the map to the frame of hsslam-map grid, z up and the floor at z = 0), up [3], up_source,
-    floor_height_m.
+    floor_height_m. Unknown voxels are no surfaces: where one is nearer than the distance, an unseen surface
+    may be, too.
 
     Raises:
         UserError: an option has a value that cannot be used.
