@@ -1,4 +1,4 @@
-"""Two sessions in the built-in room, each in a world of its own, and one in its mirror image."""
+"""Two sessions in the built-in room, each in a world of its own; in its mirror image; in a room like it."""
 
 from dataclasses import replace
 from functools import cache
@@ -22,6 +22,7 @@ from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from tests.other_pictures import with_other_pictures
 from tests.small_room import SMALL
 
 FIRST, SECOND = slice(0, None, 2), slice(1, None, 2)
@@ -48,12 +49,16 @@ def in_mirror(frames: tuple[Frame, ...]) -> tuple[Frame, ...]:
     )
 
 
-def session(rows: slice, *, mirrored: bool = False) -> tuple[KeyframeStore, FieldParameters]:
+def session(
+    rows: slice, *, mirrored: bool = False, lookalike: bool = False
+) -> tuple[KeyframeStore, FieldParameters]:
     """Keyframes of these rows at their true poses, the first in the origin, and a map of no training."""
     all_frames, all_poses = walk()
     frames, poses = all_frames[rows], inverse(all_poses[rows][0]) @ all_poses[rows]
     if mirrored:
         frames, poses = in_mirror(frames), _MIRROR @ poses @ _MIRROR
+    if lookalike:
+        frames = tuple(with_other_pictures(f) for f in frames)
     arrays, first = MemoryAllocator(), frames[0]
     store = KeyframeStore.create(arrays, first.camera, first.depth_units_per_m, 128)
     for frame, T in zip(frames, poses, strict=True):
@@ -73,12 +78,13 @@ def meetings() -> tuple[Meeting, ...]:
 
 
 def saved_session(
-    folder: Path, rows: slice, *, mirrored: bool = False, level: np.ndarray | None = None,
-    gravity: Gravity | None = None, max_depth_m: float = SMALL.mapper.max_depth_m,
+    folder: Path, rows: slice, *, mirrored: bool = False, lookalike: bool = False,
+    level: np.ndarray | None = None, gravity: Gravity | None = None,
+    max_depth_m: float = SMALL.mapper.max_depth_m,
 ) -> Path:  # fmt: skip
     """The folder of a run with this session: its map, of a robot with this level frame and gravity, and with
     this limit of depth, and its trajectory."""
-    store, parameters = session(rows, mirrored=mirrored)
+    store, parameters = session(rows, mirrored=mirrored, lookalike=lookalike)
     store.world_frame.note_level(level)
     if gravity is not None:
         store.world_frame.note_gravity(gravity)

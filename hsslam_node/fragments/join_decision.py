@@ -1,27 +1,16 @@
-"""Whether a fragment can join the map: enough places agree on its pose, and far fewer on another."""
+"""Whether a fragment can join the map: places that are apart agree on its pose, and far fewer on another."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.merging.meetings import Meeting, agreeing, places_apart
-from hsslam_node.place_recognition.picture_agreement import PictureAgreement
+from hsslam_node.merging.meetings import Meeting, agreeing, places_apart, show_the_same
 
 _FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
 _CLEARLY = 3.0  # keyframes that support the best pose over those of the second best, at least
-_FEWEST_BLOCKS = 60  # blocks with texture in the images of all meetings
-_ALIKE = 0.85  # of these blocks; one room: 0.95 to 0.98, rooms that look alike: 0.67 to 0.72
 
 
-@dataclass(frozen=True)
-class CheckedMeeting(Meeting):
-    """A meeting, and how far its two images agree in detail."""
-
-    pictures: PictureAgreement
-
-
-def agreed_meetings(meetings: Sequence[CheckedMeeting]) -> list[CheckedMeeting]:
+def agreed_meetings(meetings: Sequence[Meeting]) -> list[Meeting]:
     """The meetings that agree on the fragment's pose in the map, the one that most agree with first; none if
     the pose is uncertain.
 
@@ -29,7 +18,7 @@ def agreed_meetings(meetings: Sequence[CheckedMeeting]) -> list[CheckedMeeting]:
     rooms look alike, meetings support several poses: then the answer is none.
     """
     best = agreeing(meetings)
-    if places_apart(best) < _FEWEST_PLACES or not _show_the_same(best):
+    if places_apart(best) < _FEWEST_PLACES or not show_the_same(best):
         return []
     chosen = {id(m) for m in best}
     other = agreeing([m for m in meetings if id(m) not in chosen])
@@ -44,12 +33,6 @@ def T_map_fragment(meetings: Sequence[Meeting]) -> np.ndarray:
     predicted = T[:, :3, :3] @ at + T[:, :3, 3]  # [n, 3]
     away = np.linalg.norm(predicted - np.median(predicted, axis=0), axis=1)
     return T[int(away.argmin())]
-
-
-def _show_the_same(meetings: Sequence[CheckedMeeting]) -> bool:
-    compared = sum(m.pictures.compared for m in meetings)
-    alike = sum(m.pictures.alike for m in meetings)
-    return compared >= _FEWEST_BLOCKS and alike >= _ALIKE * compared
 
 
 def _keyframes(meetings: Sequence[Meeting]) -> int:

@@ -5,9 +5,10 @@ from concurrent.futures import Future
 import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
-from hsslam_node.fragments.join_decision import CheckedMeeting, T_map_fragment, agreed_meetings
+from hsslam_node.fragments.join_decision import T_map_fragment, agreed_meetings
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.merging.meetings import Meeting
 from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 
 _FRAMES = 8  # for a comparison, 120 ms of one core; it ends at the same frame in every run
@@ -22,7 +23,7 @@ class JoinSearch:
         self._store = store
         self._places = places
         self._fragment = fragment
-        self._meetings: list[CheckedMeeting] = []
+        self._meetings: list[Meeting] = []
         self._compared = -1  # the newest keyframe whose comparison has begun
         self._pending: tuple[int, Future[list[SeenAgain]]] | None = None
         self._frames = 0  # since then
@@ -50,18 +51,16 @@ class JoinSearch:
         fragment = self._fragment.store
         if not found or not fragment.is_kept(k):
             return None
-        self._meetings += [checked_meeting(self._store, fragment, k, seen) for seen in found]
+        self._meetings += [meeting_of(self._store, fragment, k, seen) for seen in found]
         self._meetings = self._meetings[-_MOST_MEETINGS:]
         agreed = agreed_meetings(self._meetings)
         return T_map_fragment(agreed) if agreed else None
 
 
-def checked_meeting(
-    store: KeyframeStore, fragment: KeyframeStore, k: int, seen: SeenAgain
-) -> CheckedMeeting:
+def meeting_of(store: KeyframeStore, fragment: KeyframeStore, k: int, seen: SeenAgain) -> Meeting:
     """The meeting that a comparison of keyframe k of the fragment with the map's `store` has found."""
     match, frame, T = seen.match, fragment.frame(k), fragment.pose(k)
     shown = np.median(world_points(frame.depth_m(), frame.camera, T, _STRIDE_PX), axis=0)
-    return CheckedMeeting(
+    return Meeting(
         match.keyframe, k, match.T_keyframe_cam, store.pose(match.keyframe), T, shown, seen.pictures
     )

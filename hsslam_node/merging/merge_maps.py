@@ -20,7 +20,16 @@ from hsslam_node.map.restore import restore_map, saved_frames
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.merging.joined_graph import JoinedGraph
-from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings, places_apart
+from hsslam_node.merging.meetings import (
+    ALIKE,
+    FEWEST_BLOCKS,
+    Meeting,
+    agreeing,
+    find_meetings,
+    pictures_of,
+    places_apart,
+    show_the_same,
+)
 from hsslam_node.presets import REALTIME
 from hsslam_node.progress import Track, silently
 
@@ -65,7 +74,7 @@ def merge_maps(
 
     Raises:
         UserError: a map cannot be used (`restore_map`), they are of different cameras, or they do not meet
-            in three places that agree.
+            in three places that agree, or what they show there differs in detail.
         OutOfMemoryError: there is no room for the arrays.
     """
     saved, other = load_checkpoint(first), load_checkpoint(second)
@@ -83,6 +92,7 @@ def merge_maps(
     poses = other.T_world_keyframe
     meetings = agreeing(find_meetings(store, frames, poses, config.tracker, seed))
     _expect_places(first, second, meetings)
+    _expect_same_pictures(first, second, meetings)
     T_placed = meetings[0].T_worlds @ poses
     for k, frame in enumerate(saved_frames(second, other)):
         gap = other.gap_covariance(k) if k else UNTRACKED
@@ -136,6 +146,16 @@ def _expect_places(first: Path, second: Path, meetings: Sequence[Meeting]) -> in
             "more, 1 m apart or farther"
         )
     return places
+
+
+def _expect_same_pictures(first: Path, second: Path, meetings: Sequence[Meeting]) -> None:
+    """UserError if the places that agree only look alike."""
+    if not show_the_same(meetings):
+        pictures = pictures_of(meetings)
+        raise UserError(
+            f"{second}: {pictures.alike} of {pictures.compared} image blocks of common places show what "
+            f"{first} shows: expected {ALIKE:.0%} or more, of {FEWEST_BLOCKS} blocks or more"
+        )
 
 
 def _expect_same_camera(

@@ -15,12 +15,12 @@ import numpy as np
 
 from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.config import TrackerConfig
-from hsslam_node.fragments.join_decision import CheckedMeeting, T_map_fragment, agreed_meetings
-from hsslam_node.fragments.join_search import checked_meeting
+from hsslam_node.fragments.join_decision import T_map_fragment, agreed_meetings
+from hsslam_node.fragments.join_search import meeting_of
 from hsslam_node.frame import Frame
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.merging.meetings import places_apart
+from hsslam_node.merging.meetings import Meeting, pictures_of, places_apart
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
@@ -68,24 +68,24 @@ def lookalike_rooms(seed: int, rooms: int) -> dict[str, Any]:
     }
 
 
-def _is_joined(found: list[CheckedMeeting]) -> bool:
+def _is_joined(found: list[Meeting]) -> bool:
     """Whether a control joins rightly: map and fragment have the same world."""
     agreed = agreed_meetings(found)
     return bool(agreed) and _off_m(agreed) < _OFF_M
 
 
-def _off_m(agreed: list[CheckedMeeting]) -> float:
+def _off_m(agreed: list[Meeting]) -> float:
     at = np.append(agreed[0].T_world_second[:3, 3], 1.0)
     return float(np.linalg.norm((T_map_fragment(agreed) @ at - at)[:3]))
 
 
-def _alike(found: list[CheckedMeeting]) -> float:
+def _alike(found: list[Meeting]) -> float:
     """Share of the compared blocks of all meetings that look alike; 1 without blocks."""
-    compared = sum(m.pictures.compared for m in found)
-    return sum(m.pictures.alike for m in found) / compared if compared else 1.0
+    pictures = pictures_of(found)
+    return pictures.alike / pictures.compared if pictures.compared else 1.0
 
 
-def _compared(known: _Views, seen: _Views, rows: slice) -> list[CheckedMeeting]:
+def _compared(known: _Views, seen: _Views, rows: slice) -> list[Meeting]:
     """Meetings of the views `rows` of `seen` with every second view of `known`."""
     store = _store(known, slice(0, None, 2))
     fragment = _store(seen, rows)
@@ -93,7 +93,7 @@ def _compared(known: _Views, seen: _Views, rows: slice) -> list[CheckedMeeting]:
     places = Relocalisation(config, store, 0)
     places.observe_all()
     return [
-        checked_meeting(store, fragment, k, again)
+        meeting_of(store, fragment, k, again)
         for k in range(fragment.count)
         for again in places.compare(fragment.frame(k)).result()
     ]

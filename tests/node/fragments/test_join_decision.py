@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from hsslam_node.fragments.join_decision import CheckedMeeting, T_map_fragment, agreed_meetings
+from hsslam_node.fragments.join_decision import T_map_fragment, agreed_meetings
 from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.merging.meetings import Meeting
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 from tests.small_room import displaced, pose_error
 
@@ -11,14 +12,14 @@ _T_MAP_FRAGMENT = se3_exp(np.array([3.0, -0.2, 1.0, 0.0, 1.1, 0.1]))
 _SAME, _OTHER_PICTURES = PictureAgreement(39, 40), PictureAgreement(26, 40)
 
 
-def _meeting(k: int, T_off: np.ndarray | None = None, pictures=_SAME) -> CheckedMeeting:
+def _meeting(k: int, T_off: np.ndarray | None = None, pictures=_SAME) -> Meeting:
     """Keyframe k of the fragment stands where keyframe k of the map does, 1.5 m on for each k; the match is
     wrong by `T_off`."""
     T = np.eye(4)
     T[:3, 3] = 1.5 * k, 0.0, 0.0
     T_fragment = inverse(_T_MAP_FRAGMENT) @ T
     wrong = np.eye(4) if T_off is None else T_off
-    return CheckedMeeting(k, k, wrong, T, T_fragment, T_fragment[:3, 3], pictures)
+    return Meeting(k, k, wrong, T, T_fragment, T_fragment[:3, 3], pictures)
 
 
 def test_three_places_that_agree_tell_where_the_fragment_lies():

@@ -1,11 +1,12 @@
 """The pose graph of two maps."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.merging.joined_graph import JoinedGraph
-from hsslam_node.merging.meetings import Meeting
 from tests.small_room import SMALL, displaced, pose_error
 from tests.two_sessions import FIRST, SECOND, meetings, session, walk
 
@@ -33,7 +34,7 @@ def test_the_graph_puts_the_second_map_where_it_belongs():
 def test_a_wrong_meeting_is_not_confirmed_and_moves_nothing():
     store, truth = _joined(0.0, 0.0)
     *good, m = meetings()[:7]
-    wrong = Meeting(7, 0, m.T_first_second, truth[7], m.T_world_second, m.shown)
+    wrong = replace(m, first=7, second=0, T_world_first=truth[7])
     solved, confirmed = JoinedGraph(store, 8, SMALL, seed=0).solve([*good, wrong])
     assert wrong not in confirmed and confirmed
     assert max(pose_error(T, true)[0] for T, true in zip(solved, truth, strict=True)) < 0.01

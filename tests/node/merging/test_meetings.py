@@ -4,6 +4,7 @@ import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings, places_apart
+from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 from tests.small_room import SMALL, displaced, pose_error
 from tests.two_sessions import FIRST, SECOND, in_mirror, meetings, session, walk
 
@@ -54,4 +55,5 @@ def _meeting(k: int, T_off: np.ndarray, shown=(0.0, 0.0, 0.0)) -> Meeting:
     """Keyframes that stand at one place, a metre on for each k, but for what the match says wrong."""
     T_world_first = np.eye(4)
     T_world_first[:3, 3] = float(k), 0.0, 0.0
-    return Meeting(k, k, T_off, T_world_first, inverse(_T_WORLDS) @ T_world_first, np.array(shown))
+    T_world_second, seen = inverse(_T_WORLDS) @ T_world_first, np.array(shown)
+    return Meeting(k, k, T_off, T_world_first, T_world_second, seen, PictureAgreement(20, 20))

@@ -33,9 +33,9 @@ class MergeOptions:
       hsslam-map merge runs/monday runs/tuesday --out runs/both
 
     The command finds keyframes of both runs that show the same place. If three or more places agree on the
-    transform between the runs, it optimises all keyframes and fits the map to them. Otherwise it writes
-    nothing. Both runs must have the same camera. If the place has changed, the map shows the later run: the
-    one with later stamps, or the second if the stamps overlap.
+    transform between the runs, and their images agree in detail, it optimises all keyframes and fits the
+    map to them. Otherwise it writes nothing. Both runs must have the same camera. If the place has changed,
+    the map shows the later run: the one with later stamps, or the second if the stamps overlap.
 
     The output folder is like that of a run: map.safetensors, mesh.ply, keyframes.txt, trajectory.txt,
     summary.json. Its coordinate frame is that of the first run. trajectory.first.txt and

@@ -1,6 +1,7 @@
 """`hsslam-map merge`: two sessions in the small room become one run folder, or are refused."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ def runs(tmp_path_factory):
     saved_session(folder / "first", FIRST)
     saved_session(folder / "second", SECOND, level=_LEVEL, gravity=_GRAVITY, max_depth_m=6.0)
     saved_session(folder / "mirrored", SECOND, mirrored=True)
+    saved_session(folder / "lookalike", SECOND, lookalike=True)
     return folder
 
 
@@ -71,6 +73,19 @@ def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys
     in_common = f"places in common with {first}/map.safetensors: expected 3 or more"
     assert told.endswith(f" {in_common}, 1 m apart or farther\n")
     assert told.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+def test_a_room_with_other_pictures_is_refused_and_nothing_is_written(runs, tmp_path, capsys):
+    first, lookalike = runs / "first", runs / "lookalike"
+    assert main(["merge", str(first), str(lookalike), "-o", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    found = re.fullmatch(
+        rf"error: {lookalike}/map.safetensors: (\d+) of (\d+) image blocks of common places show "
+        rf"what {first}/map.safetensors shows: expected 85% or more, of 60 blocks or more\n",
+        told,
+    )
+    assert found is not None, told
+    assert int(found[1]) < 0.85 * int(found[2]) and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
