@@ -17,6 +17,7 @@ _TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + secon
 _FEWEST = 0.6  # share of a block's pixels that both frames must see
 _CONTRAST = 6.0  # standard deviation of grey levels of a block with texture
 _ALIKE = 0.7  # correlation of a block that shows the same
+_FEWEST_BLOCKS, _SHARE = 20, 0.85  # compared blocks that tell, and share of them that is alike
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class PictureAgreement:
 
     alike: int  # that show the same
     compared: int
+
+    @property
+    def differ(self) -> bool:
+        """Whether the frames show places that only look alike; False with fewer than 20 blocks."""
+        return self.compared >= _FEWEST_BLOCKS and self.alike < _SHARE * self.compared
 
 
 def picture_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -> PictureAgreement:

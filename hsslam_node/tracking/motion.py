@@ -15,6 +15,8 @@ from hsslam_node.tracking.tracked_frame import (
     predicted_pose,
 )
 
+_SAME_ROOM_S = 1.5  # in this time a camera does not go from a room to one that looks alike
+
 
 class CameraMotion:
     """Keeps the last two aligned frames and predicts the pose of the next one, by constant velocity.
@@ -84,6 +86,11 @@ class CameraMotion:
         """Whether the camera is lost, or the last aligned frame is too old."""
         gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
         return self.lost_frames > 0 or gap_s > self._longest_gap_s
+
+    def may_be_elsewhere(self, stamp_ns: int) -> bool:
+        """Whether the camera may have gone to another room: it is lost, or was last aligned long ago."""
+        gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
+        return self.lost_frames > 0 or gap_s > _SAME_ROOM_S
 
     def begin(self, frame: Frame, keyframe: int) -> None:
         """Continue from a frame that is a keyframe and was not aligned to another."""

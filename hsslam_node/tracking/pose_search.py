@@ -139,7 +139,8 @@ class PoseSearch:
         is_reckoned = reckoned.is_on and motion.lost_frames == 0
         if not is_unforeseen or (is_reckoned and reckoned.unaligned_frames < _UNALIGNED_FRAMES):
             return
-        for place in self._relocalisation.places(frame):
+        may_look_alike = motion.may_be_elsewhere(frame.stamp_ns)
+        for place in self._relocalisation.places(frame, may_look_alike=may_look_alike):
             self._aligner.reference = Reference(place.reference, is_at_place=True)
             yield place.T_world_cam
 

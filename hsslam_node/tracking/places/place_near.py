@@ -25,7 +25,6 @@ _KEYFRAMES_M, _KEYFRAMES_RAD = 2.5, np.pi / 3
 _TAKEN_IN = 4  # of these keyframes are indexed with a frame, 15 ms each
 _ANYWHERE, _THERE = 2, 3  # keyframes compared in the whole map and near the place, 35 ms each
 _CLEARLY = 2.0  # times the inliers: then a place elsewhere overrules the person
-_FEWEST_BLOCKS, _ALIKE = 20, 0.85  # compared blocks of both images, and share that is alike
 # the named place first
 _SHIFTS_M = np.array([0.0, -0.25, 0.25, -0.5, 0.5])  # along each axis of the floor
 _TURNS_RAD = np.deg2rad([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0])
@@ -82,9 +81,7 @@ def place_near(
         best = there[0]
         if elsewhere and elsewhere[0].inliers > _CLEARLY * best.inliers:
             return None
-        pictures = picture_agreement(store.frame(best.keyframe), frame, best.T_keyframe_cam)
-        differ = pictures.alike < _ALIKE * pictures.compared
-        if pictures.compared >= _FEWEST_BLOCKS and differ:
+        if picture_agreement(store.frame(best.keyframe), frame, best.T_keyframe_cam).differ:
             return None
         return store.pose(best.keyframe) @ best.T_keyframe_cam
     except RetiredKeyframeError:  # meanwhile: the next frame finds another

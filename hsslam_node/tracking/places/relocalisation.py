@@ -78,11 +78,12 @@ class Relocalisation:
         """Index all keyframes, before the first frame of a camera that may be anywhere."""
         self._index.update()
 
-    def places(self, frame: Frame) -> Iterator[Place]:
+    def places(self, frame: Frame, *, may_look_alike: bool = True) -> Iterator[Place]:
         """The place of a lost frame, by current keyframe poses: at most one, none if it is ambiguous.
 
         The whole images agree (`find_loop`). A keyframe of another place that agrees nearly as well makes
-        the place ambiguous.
+        the place ambiguous. If the frame may show a place that only looks alike, the images must also agree
+        in detail.
         """
         self._index_pending()
         # after a restart the index is empty, and the camera was last near the newest keyframes
@@ -94,6 +95,8 @@ class Relocalisation:
         T_world_cam = [self._store.pose(m.keyframe) @ m.T_keyframe_cam for m in matches]
         if not matches or not _is_clear(matches, T_world_cam):
             return
+        if may_look_alike and self._differs(matches[0], frame):
+            return
         if (place := self._place(T_world_cam[0])) is not None:
             yield place
 
@@ -104,6 +107,14 @@ class Relocalisation:
             self._store, self._index, frame, near, self._config, _LIMITS, self._seed
         )
         return None if T_world_cam is None else self._place(T_world_cam)
+
+    def _differs(self, match: LoopMatch, frame: Frame) -> bool:
+        """Whether the keyframe of a match shows another place that only looks like the frame's."""
+        try:
+            keyframe = self._store.frame(match.keyframe)
+        except RetiredKeyframeError:  # meanwhile: the next frame finds another
+            return True
+        return picture_agreement(keyframe, frame, match.T_keyframe_cam).differ
 
     def _place(self, T_world_cam: np.ndarray) -> Place | None:
         try:

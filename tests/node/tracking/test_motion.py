@@ -32,6 +32,14 @@ def motion(store: KeyframeStore) -> CameraMotion:
     return motion
 
 
+def test_a_camera_may_be_elsewhere_if_it_is_lost_or_was_not_seen_for_long(motion):
+    last_ns = FRAMES[2].stamp_ns
+    assert not motion.may_be_elsewhere(last_ns + 1_000_000_000)
+    assert motion.may_be_elsewhere(last_ns + 2_000_000_000)
+    motion.unaligned(is_lost=True)
+    assert motion.may_be_elsewhere(last_ns + PERIOD_NS)
+
+
 def test_the_last_motion_goes_on(motion):
     stamp_ns = FRAMES[3].stamp_ns
     assert motion.is_foreseen(stamp_ns) and not motion.is_after_gap(stamp_ns)

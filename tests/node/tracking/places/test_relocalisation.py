@@ -13,6 +13,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.tracker import Tracker
+from tests.other_pictures import with_other_pictures
 from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 
 
@@ -73,6 +74,15 @@ def test_nothing_is_said_of_a_place_never_seen():
         assert list(places.places(frame)) == []
 
 
+def test_a_place_that_only_looks_like_one_of_the_map_is_not_taken_for_it():
+    """The camera is in a room that the map does not know, with the same furniture and other pictures."""
+    places = _filled(room_poses())
+    places.observe_all()
+    for k in (2, 17, 33):
+        assert list(places.places(with_other_pictures(room_frames()[k]))) == []
+        assert len(list(places.places(room_frames()[k]))) == 1
+
+
 def test_two_places_that_look_the_same_are_not_told_apart():
     """The same views stored once more, two metres away: no pose is better than the other."""
     store = _store()
@@ -99,7 +109,8 @@ def carried_away() -> tuple[KeyframeStore, Tracker]:
 def test_a_camera_carried_away_is_found_again(carried_away):
     store, tracker = carried_away
     stamp_ns, keyframes = room_frames()[-1].stamp_ns, store.count
-    for frame in _elsewhere() * 2:
+    lookalike = tuple(with_other_pictures(room_frames()[k]) for k in (2, 17))
+    for frame in (*_elsewhere(), *lookalike) * 2:
         stamp_ns += 33_000_000
         assert tracker.track(replace(frame, stamp_ns=stamp_ns), None).status == "lost"
     assert store.count == keyframes
