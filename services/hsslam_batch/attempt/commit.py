@@ -35,7 +35,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
         target.parent.mkdir(exist_ok=True)
         run_dir.rename(target)
         sync_folder(target.parent)
-        _link_recordings(target, batch.rrd_file(outcome.id))
+        _link_recordings(batch, outcome.id)
         write_durably(batch.done_file(outcome.id), encoded(outcome))
         batch.failed_file(outcome.id).unlink(missing_ok=True)
 
@@ -68,11 +68,11 @@ def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
     if batch.store is not None:
         return
     done = {log_id for log_id, row in all_settled(batch, logs).items() if row.is_done}
-    linked = {path.name.partition(".")[0] for path in batch.rrd_file("any").parent.glob("*.rrd")}
+    linked = {path.stem for path in batch.rrd_files()}
     for log_id in linked - done:
-        _unlink_recordings(batch.rrd_file(log_id))
+        _unlink_recordings(batch, log_id)
     for log_id in done - linked:
-        _link_recordings(batch.run_dir(log_id), batch.rrd_file(log_id))
+        _link_recordings(batch, log_id)
 
 
 def settled(batch: Batch, log_id: str) -> Outcome | None:
@@ -127,18 +127,20 @@ def _remove(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _unlink_recordings(first: Path) -> None:
-    for stale in first.parent.glob(f"{first.stem}.*"):
+def _unlink_recordings(batch: Batch, log_id: str) -> None:
+    for stale in batch.rrd_files(log_id):
         stale.unlink()
 
 
-def _link_recordings(run_dir: Path, first: Path) -> None:
-    """Link the recordings into the folder of all recordings, run.1.rrd as ID.1.rrd; copy them if the file
-    system has no hard links."""
-    first.parent.mkdir(exist_ok=True)
-    _unlink_recordings(first)
-    for recording in run_dir.glob("run*.rrd"):
-        link = first.with_name(first.stem + recording.name.removeprefix("run"))
+def _link_recordings(batch: Batch, log_id: str) -> None:
+    """Link the parts of a recording, each into a folder with the same part of other logs; copy them if the
+    file system has no hard links. The oldest part that is left (`--log-keep`) counts as the first."""
+    _unlink_recordings(batch, log_id)
+    parts = batch.run_dir(log_id).glob("run*.rrd")  # run.rrd, run.1.rrd, ..., run.10.rrd
+    in_order = sorted(parts, key=lambda path: (len(path.name), path.name))
+    for part, recording in enumerate(in_order):
+        link = batch.rrd_file(log_id, part)
+        link.parent.mkdir(exist_ok=True)
         try:
             os.link(recording, link)
         except OSError:

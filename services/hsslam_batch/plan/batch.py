@@ -4,7 +4,7 @@ OUT/batch.json          hash of the configuration, code and its digest, folder o
 OUT/config.toml         options of every run, as `hsslam-serve --config` reads them
 OUT/manifest.parquet    a row a log
 OUT/runs/ID/            the run folder of a log; its row `_DONE.json` is written last
-OUT/rrd/ID.rrd          its recording for rerun
+OUT/rrd/ID.rrd          its recording for rerun; further parts are in OUT/rrd.1/ID.rrd, OUT/rrd.2/ID.rrd, ...
 OUT/failed/ID.json      the row of a log that has no result
 OUT/ray.log             what Ray prints while the batch runs
 OUT/.work/ID.N.RANDOM/  the N-th attempt at a log, while it runs
@@ -122,9 +122,16 @@ class Batch:
         """The row of a log whose last attempt failed."""
         return self.out / "failed" / f"{log_id}.json"
 
-    def rrd_file(self, log_id: str) -> Path:
-        """The recording of a log, in one folder with all others, as a data set of rerun."""
-        return self.out / "rrd" / f"{log_id}.rrd"
+    def rrd_file(self, log_id: str, part: int = 0) -> Path:
+        """The recording of a log, in one folder with those of others, as a data set of rerun.
+
+        Each part has a folder: all have the same recording id, of which a data set takes one file.
+        """
+        return self.out / (f"rrd.{part}" if part else "rrd") / f"{log_id}.rrd"
+
+    def rrd_files(self, log_id: str = "*") -> Iterator[Path]:
+        """All parts of the recording of a log that are there, or of all logs."""
+        return self.out.glob(f"rrd*/{log_id}.rrd")
 
     @contextlib.contextmanager
     def expect_writable(self) -> Iterator[None]:

@@ -1,9 +1,12 @@
 """A result counts from one step on, of one configuration, and once."""
 
+import subprocess
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import rerun as rr
 
 from hsslam_batch.attempt import commit as commit_module
 from hsslam_batch.attempt.commit import (
@@ -16,6 +19,7 @@ from hsslam_batch.attempt.commit import (
 from hsslam_batch.plan.batch import Batch, UnavailableError
 from hsslam_batch.plan.log import read_manifest
 from tests.batch.outcomes import outcome, planned, run_folder
+from tests.services.recorded import RERUN
 
 
 def test_a_run_counts_once_it_has_its_row(tmp_path: Path):
@@ -25,7 +29,7 @@ def test_a_run_counts_once_it_has_its_row(tmp_path: Path):
     commit(batch, good, run_folder(batch, 0))
     assert settled(batch, "id0") == good
     assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
-    assert _recordings(batch) == ["id0.1.rrd", "id0.rrd"]
+    assert _recordings(batch) == ["rrd.1/id0.rrd", "rrd/id0.rrd"]
     batch.done_file("id0").unlink()  # as if the power had failed just before
     assert settled(batch, "id0") is None
     again = outcome(batch, 0, attempt=2)
@@ -56,11 +60,11 @@ def test_two_attempts_that_end_together_leave_the_row_and_the_files_of_one(
     other = threading.Thread(target=commit, args=(batch, *second))
     link = commit_module._link_recordings
 
-    def linked_while_the_other_commits(*paths: Path) -> None:
+    def linked_while_the_other_commits(batch: Batch, log_id: str) -> None:
         if other.ident is None:
             other.start()
             other.join(0.5)
-        link(*paths)
+        link(batch, log_id)
 
     monkeypatch.setattr(commit_module, "_link_recordings", linked_while_the_other_commits)
     commit(batch, first, folder)
@@ -101,7 +105,7 @@ def test_a_failure_under_another_configuration_leaves_the_results_of_the_first(t
     again = planned(tmp_path / "out")
     assert settled(again, "id0") == good
     settle_recordings(again, read_manifest(again.out))
-    assert _recordings(again) == ["id0.1.rrd", "id0.rrd"]
+    assert _recordings(again) == ["rrd.1/id0.rrd", "rrd/id0.rrd"]
     third = planned(tmp_path / "out", seed=2)
     commit(third, outcome(third, 0), _second_run_folder(third))
     assert settled(batch, "id0") is None
@@ -115,16 +119,51 @@ def test_recordings_are_those_of_logs_that_are_done(tmp_path: Path):
     batch.done_file("id1").unlink()
     fewer = planned(tmp_path / "out", frames=(100, 200))
     settle_recordings(fewer, read_manifest(fewer.out))
-    assert _recordings(fewer) == ["id0.1.rrd", "id0.rrd"]
+    assert _recordings(fewer) == ["rrd.1/id0.rrd", "rrd/id0.rrd"]
     again = planned(tmp_path / "out")
     settle_recordings(again, read_manifest(again.out))
-    assert _recordings(again) == ["id0.1.rrd", "id0.rrd", "id2.1.rrd", "id2.rrd"]
+    assert _recordings(again) == [f"{part}/id{k}.rrd" for part in ("rrd.1", "rrd") for k in (0, 2)]
     assert again.rrd_file("id2").samefile(again.run_dir("id2") / "run.rrd")
 
 
+def test_rerun_serves_each_log_and_each_part_of_it(tmp_path: Path):
+    """All parts have the recording id of the run, and rerun takes one file of an id into a data set."""
+    batch = planned(tmp_path / "out", frames=(100, 200))
+    for index, parts in enumerate((("run", "run.1", "run.2", "run.10"), ("run", "run.1"))):
+        folder = run_folder(batch, index)
+        _draw([folder / f"{part}.rrd" for part in parts], f"run-{index}")
+        commit(batch, outcome(batch, index), folder)
+    sets = sorted(batch.out.glob("rrd*"))
+    assert [path.name for path in sets] == ["rrd", "rrd.1", "rrd.2", "rrd.3"]
+    assert batch.rrd_file("id0", 3).samefile(batch.run_dir("id0") / "run.10.rrd")
+    command = [RERUN, "server", "--host", "127.0.0.1", "--port", "0"]
+    command += [word for path in sets for word in ("--dataset", str(path))]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stderr
+        said = []
+        for line in server.stderr:
+            said.append(line)
+            if "Ready for connections" in line:
+                break
+        server.terminate()
+    assert sum("Loading " in line for line in said) == 6
+    assert sum("Finished loading" in line for line in said) == len(sets), said
+    assert not any("Failed" in line for line in said), said
+
+
+def _draw(files: Sequence[Path], recording_id: str) -> None:
+    """Write the parts of a recording, as a run does."""
+    stream = rr.RecordingStream("hsslam", recording_id=recording_id)
+    for k, file in enumerate(files):
+        stream.set_sinks(rr.FileSink(file))
+        stream.set_time("frame", sequence=k)
+        stream.log("/x", rr.Scalars(float(k)))
+    stream.disconnect()
+
+
 def _recordings(batch: Batch) -> list[str]:
-    """The names in the folder of all recordings."""
-    return sorted(path.name for path in batch.rrd_file("any").parent.iterdir())
+    """The files in the folders of recordings."""
+    return sorted(str(path.relative_to(batch.out)) for path in batch.out.glob("rrd*/*"))
 
 
 def _second_run_folder(batch: Batch) -> Path:
