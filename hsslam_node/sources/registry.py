@@ -36,6 +36,7 @@ SOURCES = (
         opener="hsslam_node.sources.replica:ReplicaSource",
         camera_options=(),
         looks_like=has_names(("traj.txt", "results"), ("traj_w_c.txt", "rgb", "depth")),
+        beside=("cam_params.json", "{name}_mesh.ply"),
         ground_truth="hsslam_node.sources.replica:replica_truth",
     ),
     SourceRow(
@@ -47,6 +48,7 @@ SOURCES = (
         opener="hsslam_node.sources.scannet:ScanNetSource",
         camera_options=(),
         looks_like=either(has_names(("color", "depth", "intrinsic")), has_suffix(".sens")),
+        beside=("{stem}_vh_clean.ply", "{stem}_vh_clean_2.ply"),
         ground_truth="hsslam_node.sources.scannet:scannet_truth",
     ),
     SourceRow(

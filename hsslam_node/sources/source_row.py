@@ -43,6 +43,9 @@ class SourceRow:
     """Import path of `(name, options)`; raises UserError if a live camera is missing. Opens nothing."""
     looks_like: Callable[[Path], bool] = lambda path: False
     """Whether a file or folder is of this kind, to suggest it in errors."""
+    beside: tuple[str, ...] = ()
+    """Files beside a recording that its source or the ground truth may read; `{name}` is the name of the
+    recording, `{stem}` the name without suffix."""
     ground_truth: str | None = None
     """Import path of `(name, options) -> Truth | None`, read by the evaluator alone."""
     stamps: str | None = None

@@ -5,11 +5,12 @@ python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB PATIENCE_S
 
 import contextlib
 import fcntl
+import functools
 import shutil
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hsslam_batch.plan.find_logs import planned_files
@@ -18,7 +19,9 @@ from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import asked_listing, open_store
 from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError
+from hsslam_node.sources.source_row import find_row
 from hsslam_services.commands.cli import exit_code
+from hsslam_services.run.source_table import ALL_SOURCES
 
 _PART_BYTES = 8 << 20  # of one request
 _AT_ONCE = 8  # files
@@ -45,7 +48,7 @@ def remove_fetched(folder: Path) -> None:
 
 
 def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -> None:
-    """Fetch all files of a log, except those that are already complete.
+    """Fetch all files of a log, and those beside it that it may need, except what is already complete.
 
     Raises:
         UserError: the log is larger than `most_gb`, or has changed since the plan.
@@ -75,6 +78,21 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
             ]
             for one in fetching:
                 one.result()
+        for url, nbytes in _files_beside(log, store, patience_s):
+            _fetch_file(store, url, folder / url.rpartition("/")[2], nbytes, patience_s)
+
+
+def _files_beside(log: Log, store: Any, patience_s: float) -> Iterator[tuple[str, int]]:
+    """URL and size of each file beside a log that its kind of source may read, such as a camera that several
+    scenes share. The plan does not know them: they may be missing, or not open to this user."""
+    row = find_row(log.source, ALL_SOURCES)
+    parent, _, name = log.place.rstrip("/").rpartition("/")
+    if row is None or parent.endswith(":/"):  # a whole bucket has none beside it
+        return
+    for pattern in row.beside:
+        url = f"{parent}/{pattern.format(name=name, stem=PurePosixPath(name).stem)}"
+        with contextlib.suppress(FileNotFoundError, PermissionError):
+            yield url, int(tried(url, functools.partial(store.info, url), patience_s)["size"])
 
 
 def _fetch(out: str, index: int, folder: Path, most_gb: float, patience_s: float) -> None:

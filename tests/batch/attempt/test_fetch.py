@@ -16,6 +16,8 @@ from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import list_url
 from hsslam_node.errors import UserError
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.replica import ReplicaFolder, ReplicaSource
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 
 _LOGS = f"s3://{BUCKET}/logs"
@@ -124,6 +126,27 @@ def test_the_marker_of_a_folder_is_no_file(store, tmp_path: Path):
     client.put_object(Bucket=BUCKET, Key="empty/", Body=b"")
     with pytest.raises(UserError, match="empty: no files below: expected logs"):
         list_url(f"s3://{BUCKET}/empty")
+
+
+def test_what_lies_beside_a_sequence_comes_with_it(store, tmp_path: Path, replica_folder: Path):
+    """The published archive of Replica has one camera for all scenes, and their meshes, beside the scenes."""
+    client, _, _ = store
+    files = {
+        path: f"room0/{path.relative_to(replica_folder)}" for path in replica_folder.rglob("*.*")
+    }
+    files[replica_folder / "cam_params.json"] = "cam_params.json"
+    for path, name in files.items():
+        client.upload_file(str(path), BUCKET, f"archive/{name}")
+    for name in ("room0_mesh.ply", "scene1.sens", "scene1_vh_clean.ply"):
+        client.put_object(Bucket=BUCKET, Key=f"archive/{name}", Body=name.encode())
+    room, scene = find_logs(list_url(f"s3://{BUCKET}/archive"))
+    for log in (room, scene):
+        fetch_log(log, tmp_path / log.id, most_gb=1.0)
+    place = fetched_place(tmp_path / room.id, room)
+    assert ReplicaSource(str(place), SourceOptions()).frame_count == 4  # it needs the camera
+    assert ReplicaFolder(place).mesh_file == place.with_name("room0_mesh.ply")
+    mesh = fetched_place(tmp_path / scene.id, scene).with_name("scene1_vh_clean.ply")
+    assert mesh.read_text() == mesh.name
 
 
 def test_a_fetch_goes_on_where_it_ended(store, tmp_path: Path, monkeypatch):
