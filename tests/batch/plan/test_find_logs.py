@@ -49,6 +49,23 @@ def test_logs_and_sequences_of_all_kinds_are_found_once(recordings: Path):
     assert found[0].nbytes == sum(parts)  # the mesh beside them is none of it
 
 
+def test_bags_and_scenes_are_found(tmp_path: Path):
+    """By their names alone."""
+    for name in (
+        *("drive.bag", "lap/metadata.yaml", "lap/lap_0.db3", "old/old_0.db3"),
+        *("scans/scene0.sens", "kitchen/frame-000000.color.png", "kitchen/frame-000000.depth.png"),
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [(log.name, log.kind) for log in _found(tmp_path)] == [
+        ("drive.bag", "bag"),
+        ("kitchen", "7scenes"),
+        ("lap", "bag"),
+        ("old/old_0.db3", "bag"),
+        ("scans/scene0.sens", "scannet"),
+    ]
+
+
 def test_the_original_of_a_recovered_log_is_no_log(recordings: Path, capsys):
     loose = recordings / "loose.mcap"
     for damaged in ("loose.damaged.mcap", "loose.damaged-2.mcap", "other.damaged.mcap"):
