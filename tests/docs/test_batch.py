@@ -2,12 +2,13 @@
 
 import json
 import re
+import shlex
 import subprocess
 from typing import Any
 
 import yaml
 
-from hsslam_batch.options import WorkOptions
+from hsslam_batch.options import RunOptions, WorkOptions
 from hsslam_services.commands.cli import parse_options
 from tests.repository import ROOT
 
@@ -63,6 +64,21 @@ def test_the_array_of_slurm_is_a_script():
     (script,) = _blocks("bash")
     subprocess.run(["bash", "-n"], input=script, text=True, check=True)
     assert "--index" in script
+
+
+def test_ray_knows_the_commands_of_a_cluster_by_hand():
+    from ray.scripts.scripts import cli
+
+    text = (ROOT / "docs/batch.md").read_text()
+    lines = re.findall(r"^(?:ray|hsslam-batch run) .*", text, re.M)
+    used = set()
+    for _, name, *words in (shlex.split(line, comments=True) for line in lines):
+        if name == "run":
+            parse_options(RunOptions, "hsslam-batch run", words)
+        else:
+            cli.commands[name].make_context(name, words)  # it only parses
+            used.add(name)
+    assert used == {"get-auth-token", "start", "stop"}
 
 
 def test_the_image_of_the_jobs_is_that_of_the_dockerfile():
