@@ -22,6 +22,7 @@ from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_bench.batch.small_log import write_small_log
+from hsslam_services.run.stop_signals import ONE_REQUEST_S
 from tests.batch.cluster.runs_of_batch import (
     LONG_S,
     arenas,
@@ -29,6 +30,7 @@ from tests.batch.cluster.runs_of_batch import (
     end,
     nothing_left,
     of_batch,
+    services,
     start,
     start_unread,
     trajectories,
@@ -117,6 +119,28 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     assert third.returncode == 3 and "3 done, 1 failed, 0 left" in said
     assert next(row["name"] for row in rows if row["kind"] == "done") in trajectories(batch)
     assert len(read_runs(batch.out)) == 4 and nothing_left(batch)
+
+
+def test_a_second_ctrl_c_ends_running_logs_which_count_as_not_tried(batch: Batch):
+    run = start(batch, "--parallel", "1")
+    wait(lambda: services(batch) or run.poll() is not None)
+    (service,) = services(batch)
+    service.suspend()  # the log cannot finish meanwhile
+    run.send_signal(signal.SIGINT)
+    assert run.stdout and any("no more logs start" in line for line in run.stdout)
+    heard_s = time.monotonic()
+    wait(lambda: time.monotonic() - heard_s > ONE_REQUEST_S)
+    run.send_signal(signal.SIGINT)
+    said = run.stdout.read()
+    assert run.wait(LONG_S) == 1 and "Traceback" not in said, said
+    service.resume()
+    wait(lambda: nothing_left(batch))
+    rows = all_settled(batch, read_manifest(batch.out)).values()
+    assert [(row.name, row.kind) for row in rows] == [("damaged", "bad input")]  # it was first
+
+    said = end(second := start(batch))
+    assert second.returncode == 3 and "3 done, 1 failed, 0 left" in said, said
+    assert all(row["attempt"] == 1 for row in read_runs(batch.out))
 
 
 def test_running_logs_finish_if_nobody_reads_the_answer_to_ctrl_c(batch: Batch):
