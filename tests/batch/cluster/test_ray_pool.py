@@ -63,6 +63,7 @@ def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, t
         share = Share(cpus=1.0, memory_gb=1.0)
         pool = RayPool(_task(tmp_path), lambda one: [str(one.attempt)], share, None)
         assert pool.slots() == 2
+        _expect_elsewhere(pool, [node.node_id for node in nodes])
         drive(map(Try, range(6)), pool, judge, lambda: False, look)
         assert pool.running() == {}
     lost = {(one.index, one.attempt): result for one, result in results if result.is_lost}
@@ -74,6 +75,16 @@ def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, t
     for index in (1, 2):
         assert lost[index, 1].node_id == (tmp_path / f"{index}.1").read_text()
     assert (tmp_path / "2.1").read_text() != (tmp_path / "2.2").read_text()  # its node is gone
+
+
+def _expect_elsewhere(pool: RayPool, node_ids: list[str]) -> None:
+    """An attempt that avoids a node runs on the other; by chance one in two would."""
+    for not_on in 4 * node_ids:
+        pool.start(Try(0, 2, not_on))
+        ended: list[tuple[Try, TaskResult]] = []
+        while pool.is_busy():
+            ended += pool.ended(0.5)
+        assert [result.node_id != not_on for _, result in ended] == [True]
 
 
 def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path: Path):
