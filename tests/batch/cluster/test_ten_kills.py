@@ -7,7 +7,7 @@ import contextlib
 import os
 import signal
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.runs_of_batch import (
     by_hand,
     end,
+    loose_pools,
     nothing_left,
     services,
     start,
@@ -56,6 +57,18 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def expected(logs: Path) -> dict[str, bytes]:
     """The trajectories that a user makes by hand."""
     return by_hand(_planned(logs, logs.parent / "hand"), logs.parent / "runs")
+
+
+@pytest.fixture(autouse=True)
+def expect_no_pool() -> Iterator[Callable[[], None]]:
+    """A function that expects no more pools of zenoh than before the test; called once more at its end."""
+    before = loose_pools()
+
+    def expect() -> None:
+        assert loose_pools() <= before
+
+    yield expect
+    expect()
 
 
 class _Nodes:
@@ -124,7 +137,7 @@ def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, 
     assert sum(row["attempt"] - 1 for row in read_runs(batch.out)) == _KILLS
 
 
-def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path):
+def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path, expect_no_pool):
     batch = _planned(logs, tmp_path / "out")
     _Nodes(cluster)
     done: dict[str, int] = {}
@@ -135,6 +148,7 @@ def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path):
         os.kill(run.pid, signal.SIGKILL)
         end(run)
         wait(lambda: nothing_left(batch))
+        expect_no_pool()
         done |= _done_ns(batch)
     _expect_whole(batch, start(batch, "--address", cluster.address), expected)
     assert {log_id: _done_ns(batch)[log_id] for log_id in done} == done  # not made again
