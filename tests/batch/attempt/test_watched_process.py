@@ -1,5 +1,6 @@
 """A command that is watched ends within its limits, and no process of it is left, however it ended."""
 
+import os
 import subprocess
 import sys
 import time
@@ -57,6 +58,16 @@ def test_what_a_command_leaves_behind_is_ended(tmp_path: Path, end: str, told: l
     watcher = _watch(tmp_path, "sh", "-c", _FAMILY.format(end), timeout_s=limit_s)
     assert _told(watcher) == told
     assert not psutil.pid_exists(_orphan(tmp_path))
+
+
+def test_pools_of_zenoh_that_a_killed_process_has_open_are_removed(tmp_path: Path):
+    pool = Path(f"/dev/shm/of-test-{os.getpid()}.zenoh")
+    try:
+        watcher = _watch(tmp_path, "sh", "-c", f"exec 3> {pool}; sleep 99 & test -e {pool}")
+        assert _told(watcher) == ["ended", "0"]
+        assert not pool.exists()
+    finally:
+        pool.unlink(missing_ok=True)
 
 
 def test_too_much_memory_ends_it(tmp_path: Path):
