@@ -1,8 +1,9 @@
-"""Plan a path for a robot of 20 cm radius in a saved map, and draw it.
+"""Plan a path for a robot of 20 cm radius in a saved map or on its grid, and draw it.
 
     python examples/plan_path.py MAP [path.png [FROM_M TO_M]]
+    python examples/plan_path.py map.yaml [path.png]
 
-MAP is a run folder or a file such as map.safetensors.
+MAP is a run folder or a file such as map.safetensors; map.yaml is a grid that `hsslam-map grid` wrote.
 
 The robot keeps its height. Its body is between the heights FROM_M and TO_M above the first camera: -0.1 and
 0.1 (the default) for a drone, -1.1 and -0.6 for a robot on wheels if the camera is at 1.2 m. The path starts
@@ -11,9 +12,11 @@ at the point with most clearance, and ends at the farthest point in reach. Unobs
 
 import math
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
+import yaml
 from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
@@ -28,8 +31,10 @@ PIXELS = 5  # of the picture, for each cell
 def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: str = "0.1") -> None:
     """Plan, print and draw."""
     heights_m = _metres(from_m), _metres(to_m)
-    saved = SavedMap.open(map_file)
-    points, clearance_m = clearance(saved, *heights_m)
+    if map_file.endswith(".yaml"):
+        points, clearance_m = clearance_on_grid(Path(map_file))
+    else:
+        points, clearance_m = clearance(SavedMap.open(map_file), *heights_m)
     path = plan(clearance_m)
     draw(clearance_m, path, picture)
     way = points[tuple(path.T)]  # [P, 3] m, world
@@ -67,6 +72,27 @@ def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, 
         known &= found.known.reshape(known.shape)
     to_unknown_m = CELL_M * np.asarray(distance_transform_edt(known))
     return points, np.minimum(clearance_m, to_unknown_m)
+
+
+def clearance_on_grid(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Points [h, w, 3] m of the floor at the middles of cells, and the clearance [h, w] m of each.
+
+    The clearance is the distance to the edge of the nearest cell that is occupied or unknown.
+    """
+    try:
+        grid = yaml.safe_load(file.read_text())
+        picture = cv2.imread(str(file.parent / grid["image"]), cv2.IMREAD_GRAYSCALE)
+        cell_m, (x, y, _) = grid["resolution"], grid["origin"]
+    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{file}: {error!r}: expected a grid of hsslam-map grid") from None
+    if picture is None:
+        raise UserError(f"{file}: cannot read its picture {grid['image']}")
+    is_free = 1 - picture / 255 < grid["free_thresh"]
+    height, width = picture.shape
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, height - np.arange(height) - 0.5)
+    points = np.stack([x + cell_m * columns, y + cell_m * rows, np.zeros_like(rows)], axis=-1)
+    to_blocked = np.asarray(distance_transform_edt(np.pad(is_free, 1)))[1:-1, 1:-1]
+    return points, cell_m * np.maximum(to_blocked - 0.5, 0.0)
 
 
 def plan(clearance_m: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The example that plans a path: as a user runs it, and whether the robot touches the true room."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,8 @@ import pytest
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, CELL_UNKNOWN, GridMap
+from hsslam_node.distance.nav2_files import write_nav2_files
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.map.checkpoint import save_checkpoint
@@ -55,6 +58,37 @@ def test_it_draws_the_path(map_file, tmp_path):
     assert image is not None
     blue, green, red = (image[..., k].astype(int) for k in range(3))
     assert ((blue > 200) & (red < 60) & (green < 160)).sum() > 50
+
+
+def test_it_plans_on_a_grid_for_nav2(tmp_path):
+    """A floor of 4 x 3 m in unknown space, with a wall across it that has a door 1 m wide."""
+    cells = np.full((80, 100), CELL_UNKNOWN, np.int8)
+    cells[10:70, 10:90] = CELL_FREE
+    cells[10:70, 60] = CELL_OCCUPIED
+    cells[50:70, 60] = CELL_FREE
+    grid = GridMap(cells, 0.05, (-1.0, 2.0), np.eye(4))
+    write_nav2_files(tmp_path / "map.yaml", grid)
+    done = run_script(EXAMPLE, str(tmp_path / "map.yaml"), str(tmp_path / "path.png"))
+    assert done.returncode == 0, done.stderr
+    numbers = [float(number) for number in re.findall(r"-?\d+\.\d*", done.stdout)]
+    (x, y, _), (to_x, to_y, _) = numbers[:3], numbers[3:6]
+    assert x < 2.0 < to_x  # the wall is at x = 2.0 to 2.05 m
+    assert 2.5 < y < 5.5 and 2.5 < to_y < 5.5
+    assert numbers[-1] >= 0.2
+    image = cv2.imread(str(tmp_path / "path.png"))
+    assert image is not None and image.shape[1] > image.shape[0]
+
+
+def test_a_grid_without_its_picture_is_one_line(tmp_path):
+    file = tmp_path / "map.yaml"
+    for text, told in (
+        ("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "none.pgm"),
+        ("a", "grid"),
+    ):
+        file.write_text(text)
+        done = run_script(EXAMPLE, str(file))
+        assert done.returncode == 1
+        assert told in done.stderr and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
