@@ -1,15 +1,18 @@
 """The mapper process between frames and when a run ends, over an arena that a real pipeline has filled."""
 
 import os
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from hsslam_node.slam import Slam
 from hsslam_proto import topics
 from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import mapper
 from hsslam_services.run.run_info import RunInfo
@@ -41,6 +44,33 @@ def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
     assert (
         step == 2 + 2 * 2 + 2
     )  # first ones, of both keyframes as a mapper that resumes, last ones
+
+
+@pytest.mark.parametrize(
+    ("left_s", "save_s", "is_begun"), [(0.5, 0.1, True), (-60.0, 0.1, False), (0.5, 5.0, False)]
+)
+def test_last_iterations_end_in_time_for_the_map_to_be_saved(
+    make_run: Callable[..., RunInfo], left_s: float, save_s: float, is_begun: bool
+):
+    """`left_s`: until a save that takes 0.1 s must begin; the first save took `save_s`."""
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2, last_iterations=10_000)
+    run = make_run(slam=replace(SMALL, mapper=quick))
+    slam = Slam(
+        replace(run.options.slam, ba=replace(SMALL.ba, enabled=False)),
+        arrays=Arena(Path(run.arena_dir)),
+    )
+    slam.process(room_frames()[0])
+    parameters, mode = slam.parameters, MapState(run.arena_dir)
+    assert parameters
+    budget_s = run.options.finish_budget_s
+    mode.stopped_ns = time.monotonic_ns() - int(1e9 * (budget_s - 1.2 - left_s))
+    mode.saved_in_ns = int(1e9 * save_s)
+    with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = mapper._MapperLoop(worker)
+        before, begin_s = parameters.step, time.monotonic()
+        loop.do_last_iterations()
+        done, took_s = parameters.step - before, time.monotonic() - begin_s
+    assert (done > 0) == is_begun and took_s < 0.5 * budget_s
 
 
 class _StoppedAtFirst(mapper._MapperLoop):
