@@ -30,17 +30,14 @@ def late_in_a_long_run(experiment: Experiment) -> Finding:
     before = run.pid_of("recorder")
     if before is None:
         raise CouldNotTellError("the recorder is not running")
-    first_mb = psutil.Process(before).memory_info().rss / 1e6
+    first_mb, _ = _peaks(before, run.out)
     psutil.Process(before).kill()
     long_part.rename(run.out / "run.1.mcap")  # as if the killed recorder had written it
     run.wait_until(lambda: run.pid_of("recorder") not in (None, before), 15)
     after = run.pid_of("recorder")
-    most_mb, most_bytes, begin_s = 0.0, 0, time.monotonic()
-    while time.monotonic() - begin_s < _WATCH_S:
-        with contextlib.suppress(psutil.Error):
-            most_mb = max(most_mb, psutil.Process(after).memory_info().rss / 1e6)
-        most_bytes = max(most_bytes, _used_bytes(run.out))
-        time.sleep(0.05)
+    if after is None:
+        raise CouldNotTellError("the recorder has just ended")
+    most_mb, most_bytes = _peaks(after, run.out)
     run.signal()
     code = run.finish()
     log = run.summary().get("log", {})
@@ -48,7 +45,7 @@ def late_in_a_long_run(experiment: Experiment) -> Finding:
     dropped = log.get("poses_dropped", -1)
     return Finding(
         is_copied or code != 0 or dropped != 0 or most_mb > first_mb + _MOST_MB,
-        f"memory of the recorder {first_mb:.0f} MB, of the new one at most {most_mb:.0f} MB; run folder "
+        f"memory of the recorder at most {first_mb:.0f} MB, of the new one {most_mb:.0f} MB; run folder "
         f"at most {most_bytes / 1e6:.0f} MB, of which {part_bytes / 1e6:.0f} are the part; exit code {code}; "
         f"poses dropped {dropped}",
     )
@@ -86,6 +83,17 @@ def disk_is_full(experiment: Experiment) -> Finding:
         f"exit code {code}; not written: {lost or 'nothing'}; grew by, bytes: {grown or 'nothing'}; "
         f"reported: {is_reported}",
     )
+
+
+def _peaks(recorder: int, folder: Path) -> tuple[float, int]:
+    """Largest memory of a recorder within 20 s, MB, and largest size of the run folder, bytes."""
+    most_mb, most_bytes, begin_s = 0.0, 0, time.monotonic()
+    while time.monotonic() - begin_s < _WATCH_S:
+        with contextlib.suppress(psutil.Error):
+            most_mb = max(most_mb, psutil.Process(recorder).memory_info().rss / 1e6)
+        most_bytes = max(most_bytes, _used_bytes(folder))
+        time.sleep(0.05)
+    return most_mb, most_bytes
 
 
 def _used_bytes(folder: Path) -> int:
