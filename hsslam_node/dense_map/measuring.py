@@ -111,23 +111,25 @@ def _add_field(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _is_free(point, states, first, per_m):
     """Whether the cell of a point (x, y, z) m is FREE."""
-    i = int(np.floor(point[0] * per_m) - first[0])
-    j = int(np.floor(point[1] * per_m) - first[1])
-    l = int(np.floor(point[2] * per_m) - first[2])  # noqa: E741
-    nx, ny, nz = states.shape
-    is_inside = 0 <= i < nx and 0 <= j < ny and 0 <= l < nz
-    return is_inside and states[i, j, l] == FREE
+    is_inside, i, j, l = _cell(point, first, per_m, states.shape)  # noqa: E741
+    return is_inside and states[int(i), int(j), int(l)] == FREE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look_up(points, information, first, per_m, certainty):
     """Write the certainty [N] of the cells of points [N, 3]."""
-    nx, ny, nz = information.shape
     for k in range(points.shape[0]):
-        i = np.floor(points[k, 0] * per_m) - first[0]
-        j = np.floor(points[k, 1] * per_m) - first[1]
-        l = np.floor(points[k, 2] * per_m) - first[2]  # noqa: E741
-        told = np.float32(0.0)
-        if i >= 0 and j >= 0 and l >= 0 and i < nx and j < ny and l < nz:
-            told = information[int(i), int(j), int(l)]
+        point = points[k, 0], points[k, 1], points[k, 2]
+        is_inside, i, j, l = _cell(point, first, per_m, information.shape)  # noqa: E741
+        told = information[int(i), int(j), int(l)] if is_inside else np.float32(0.0)
         certainty[k] = told / (told + PRIOR_INFORMATION)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cell(point, first, per_m, shape):
+    """Whether a grid of this shape has the cell of a point (x, y, z) m, and its indices there, as floats."""
+    i = np.floor(point[0] * per_m) - first[0]
+    j = np.floor(point[1] * per_m) - first[1]
+    l = np.floor(point[2] * per_m) - first[2]  # noqa: E741
+    is_inside = i >= 0 and j >= 0 and l >= 0 and i < shape[0] and j < shape[1] and l < shape[2]
+    return is_inside, i, j, l

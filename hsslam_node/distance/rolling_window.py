@@ -101,7 +101,7 @@ class RollingWindow:
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
         found = floor_by(gravity, views, keyframes.camera, level, self._max_depth_m)
-        if level is not None:
+        if level is not None and self.tilt is None:
             seen = floor_by(gravity, views, keyframes.camera, max_depth_m=self._max_depth_m)
             self.tilt = found.tilt_against(seen)
         T_before, before = self.T_floor_world, self.floor

@@ -19,7 +19,6 @@ _AGREE_M, _DRIFT = 0.1, 0.03  # meetings at a distance d agree within first + se
 _AGREE_RAD = 0.05
 _APART_M = 1.0  # between `shown` of two places
 FEWEST_BLOCKS = 60  # blocks with texture in the images of all meetings
-ALIKE = 0.85  # of these blocks; one room: 0.95 to 0.98, rooms that look alike: 0.67 to 0.72
 _STRIDE_PX = 16
 
 
@@ -107,4 +106,4 @@ def pictures_of(meetings: Iterable[Meeting]) -> PictureAgreement:
 def show_the_same(meetings: Iterable[Meeting]) -> bool:
     """Whether the images agree in detail; those of rooms that only have the same furniture do not."""
     pictures = pictures_of(meetings)
-    return pictures.compared >= FEWEST_BLOCKS and pictures.alike >= ALIKE * pictures.compared
+    return pictures.compared >= FEWEST_BLOCKS and pictures.are_alike

@@ -21,7 +21,6 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.merging.joined_graph import JoinedGraph
 from hsslam_node.merging.meetings import (
-    ALIKE,
     FEWEST_BLOCKS,
     Meeting,
     agreeing,
@@ -30,6 +29,7 @@ from hsslam_node.merging.meetings import (
     places_apart,
     show_the_same,
 )
+from hsslam_node.place_recognition.picture_agreement import ALIKE_SHARE
 from hsslam_node.presets import REALTIME
 from hsslam_node.progress import Track, silently
 
@@ -154,7 +154,7 @@ def _expect_same_pictures(first: Path, second: Path, meetings: Sequence[Meeting]
         pictures = pictures_of(meetings)
         raise UserError(
             f"{second}: {pictures.alike} of {pictures.compared} image blocks of common places show what "
-            f"{first} shows: expected {ALIKE:.0%} or more, of {FEWEST_BLOCKS} blocks or more"
+            f"{first} shows: expected {ALIKE_SHARE:.0%} or more, of {FEWEST_BLOCKS} blocks or more"
         )
 
 

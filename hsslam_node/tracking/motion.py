@@ -84,13 +84,15 @@ class CameraMotion:
 
     def is_after_gap(self, stamp_ns: int) -> bool:
         """Whether the camera is lost, or the last aligned frame is too old."""
-        gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
-        return self.lost_frames > 0 or gap_s > self._longest_gap_s
+        return self._was_away(stamp_ns, self._longest_gap_s)
 
     def may_be_elsewhere(self, stamp_ns: int) -> bool:
         """Whether the camera may have gone to another room: it is lost, or was last aligned long ago."""
+        return self._was_away(stamp_ns, _SAME_ROOM_S)
+
+    def _was_away(self, stamp_ns: int, longest_s: float) -> bool:
         gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
-        return self.lost_frames > 0 or gap_s > _SAME_ROOM_S
+        return self.lost_frames > 0 or gap_s > longest_s
 
     def begin(self, frame: Frame, keyframe: int) -> None:
         """Continue from a frame that is a keyframe and was not aligned to another."""

@@ -14,6 +14,7 @@ from hsslam_batch.attempt.outcome import Outcome, encoded
 from hsslam_batch.plan.batch import DONE, Batch
 from hsslam_batch.plan.log import Log
 from hsslam_node.durable_file import sync_folder, write_durably
+from hsslam_services.log.parts import part_number
 
 _LOCK = ".commit.lock"
 
@@ -136,8 +137,8 @@ def _link_recordings(batch: Batch, log_id: str) -> None:
     """Link the parts of a recording, each into a folder with the same part of other logs; copy them if the
     file system has no hard links. The oldest part that is left (`--log-keep`) counts as the first."""
     _unlink_recordings(batch, log_id)
-    parts = batch.run_dir(log_id).glob("run*.rrd")  # run.rrd, run.1.rrd, ..., run.10.rrd
-    in_order = sorted(parts, key=lambda path: (len(path.name), path.name))
+    recordings = batch.run_dir(log_id).glob("run*.rrd")
+    in_order = sorted(recordings, key=lambda path: part_number(path.with_suffix(".mcap")))
     for part, recording in enumerate(in_order):
         link = batch.rrd_file(log_id, part)
         link.parent.mkdir(exist_ok=True)

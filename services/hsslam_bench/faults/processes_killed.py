@@ -1,6 +1,5 @@
 """The fault of processes killed in turn: after each kill a right pose must follow soon."""
 
-import contextlib
 import itertools
 import time
 from collections.abc import Callable
@@ -8,16 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
 from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
 from hsslam_bench.runs.live_run import QUICK, LiveRun
+from hsslam_bench.runs.run_log import read_log
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_proto import topics
 from hsslam_proto.messages import Pose
+from hsslam_services.log.parts import parts
 from hsslam_services.run.run_info import RunInfo
 
 KILLED = ("tracker", "mapper", "recorder", "global_ba", "mesher", "fork_server", "camera")
@@ -62,14 +61,8 @@ def one_after_another(experiment: Experiment) -> Finding:
 
 
 def logged_poses(run: LiveRun) -> int:
-    """Poses that the public reader finds in the parts of the log, up to the first damage of each."""
-    count = 0
-    for part in run.out.glob("run*.mcap"):
-        with part.open("rb") as stream, contextlib.suppress(McapError):
-            reader = make_reader(stream, validate_crcs=True)
-            topic = f"hsslam/{RunInfo.read(run.out).options.robot}/{topics.POSE.name}"
-            count += sum(1 for _ in reader.iter_messages(topics=[topic]))
-    return count
+    """Poses that the public reader finds in the parts of the log; none of a part that is damaged."""
+    return sum(read_log(part).counts.get(topics.POSE.name, 0) for part in parts(run.out))
 
 
 def described(tally: KillTally, code: int | None, left: list[str]) -> str:

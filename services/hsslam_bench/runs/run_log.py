@@ -52,7 +52,8 @@ def read_log(path: Path) -> LogContent:
     mapped: list[tuple[int, int]] = []
     try:
         with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
+            reader = make_reader(file, validate_crcs=True)
+            for _, channel, message in reader.iter_messages(log_time_order=False):
                 topic = "/".join(channel.topic.split("/")[-2:])
                 counts[topic] += 1
                 if topic == _POSE:

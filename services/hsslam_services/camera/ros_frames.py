@@ -58,16 +58,14 @@ class RosFrames:
     def hear_camera(self, camera: Camera) -> None:
         """Take a later `camera_info`; frames are bad while it differs from the first by more than a pixel, or
         has another lens."""
-        self._changed = ""
         if camera.differs_in(self._first) is not None:
-            now, first = (
-                f"{c.width_px}x{c.height_px} with fx, fy, cx, cy = {intrinsics_text(c)}"
-                for c in (camera, self._first)
-            )
-            self._changed = f"{now}: expected {first} as at first"
+            now, first = (_image_text(c) for c in (camera, self._first))
         elif not _is_same_lens(camera, self._first):
             now, first = (_lens_text(c) for c in (camera, self._first))
-            self._changed = f"{now}: expected {first} as at first"
+        else:
+            self._changed = ""
+            return
+        self._changed = f"{now}: expected {first} as at first"
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
         """The undistorted frame of a pair; a `BadFrame` if the pair cannot be used."""
@@ -112,6 +110,10 @@ def _is_same_lens(one: Camera, other: Camera) -> bool:
         return False
     pairs = itertools.zip_longest(one.distortion, other.distortion, fillvalue=0.0)
     return all(abs(here - there) <= _SAME_COEFFICIENT for here, there in pairs)
+
+
+def _image_text(camera: Camera) -> str:
+    return f"{camera.width_px}x{camera.height_px} with fx, fy, cx, cy = {intrinsics_text(camera)}"
 
 
 def _lens_text(camera: Camera) -> str:

@@ -10,9 +10,8 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 _MOST_BYTES = 2**28  # the largest message of a topic
-_MOST_RATIO = (
-    16  # of larger data: a mesh drawn for Foxglove is larger than its message, but packs less well
-)
+# of larger data: a mesh drawn for Foxglove is larger than its message, but packs less well
+_MOST_RATIO = 16
 _PIECE_BYTES = 2**22
 
 

@@ -10,10 +10,8 @@ from hsslam_proto.requests import MESH, QUERY, REQUESTS, STATUS, TRAJECTORY
 from hsslam_proto.topics import TOPICS, Topic
 
 WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: only processes of this user
-_BESIDE_OWN_CAMERA = (
-    "in/odometry",
-    "in/imu",
-)  # what clients publish if the run has a camera process
+# what clients publish if the run has a camera process
+_BESIDE_OWN_CAMERA = ("in/odometry", "in/imu")
 _PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; ** matches no @
 _LIVE = "hsslam/*/sys/live/*/*"
 _MESSAGES = (
