@@ -1,16 +1,14 @@
 """What the map of the small room says of places, rays and bodies, against the room's true surface."""
 
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 import torch
 
 from hsslam_node.dense_map.dense_map import DenseMap
-from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
+from hsslam_node.dense_map.keyframes import keyframes_of_store
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.shapes import Spheres
 from hsslam_node.dense_map.snapshot import map_snapshot
@@ -19,15 +17,8 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.map.checkpoint import save_checkpoint
+from tests.node.dense_map.room_map import map_of, room_map
 from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
-
-
-@cache
-def _map() -> DenseMap:
-    room = mapped_room()
-    params = room.parameters.published()[1]
-    keyframes = keyframes_of_store(room.store)
-    return DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
 
 
 def _true_distance_m(points: np.ndarray) -> np.ndarray:
@@ -55,8 +46,8 @@ def test_depth_that_was_not_mapped_shows_no_surface_in_a_saved_map(tmp_path):
         away_m = np.linalg.norm(vertices[:, None] - room.store.poses()[:, :3, 3], axis=2)
         return float(away_m.min(axis=1).max())
 
-    assert 1.0 < farthest_m(near) < 3.0 < farthest_m(_map())
-    assert near.query(_measured(6)).known.mean() < _map().query(_measured(6)).known.mean()
+    assert 1.0 < farthest_m(near) < 3.0 < farthest_m(room_map())
+    assert near.query(_measured(6)).known.mean() < room_map().query(_measured(6)).known.mean()
 
 
 def test_processes_of_a_pool_get_the_same_map(tmp_path):
@@ -75,7 +66,7 @@ def test_distance_is_zero_at_what_a_frame_measured_and_grows_towards_the_camera(
     surface, eye = _measured(6), room_poses()[6][:3, 3]
     ray = surface - eye
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    at, before = _map().query(surface), _map().query(surface - 0.04 * ray)
+    at, before = room_map().query(surface), room_map().query(surface - 0.04 * ray)
     assert at.known.mean() > 0.98 and before.known.mean() > 0.98
     assert np.nanmedian(np.abs(at.distance_m)) < 0.01
     assert (before.distance_m > at.distance_m).mean() > 0.95
@@ -88,7 +79,7 @@ def test_gradient_is_of_unit_length_and_the_way_from_the_surface():
     ray = surface - eye
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     points = surface - 0.02 * ray
-    found = _map().query(points)
+    found = room_map().query(points)
     length = np.linalg.norm(found.gradient, axis=1)
     np.testing.assert_allclose(length[length > 0], 1.0, atol=1e-5)
     assert (length > 0).mean() > 0.9
@@ -101,7 +92,7 @@ def test_far_from_surfaces_the_distance_is_to_what_keyframes_measured():
     rng = np.random.default_rng(0)
     eye = room_poses()[0][:3, 3]
     points = eye + rng.uniform((-0.4, -0.4, 0.3), (0.4, 0.4, 1.2), (400, 3))
-    found, true = _map().query(points), _true_distance_m(points)
+    found, true = room_map().query(points), _true_distance_m(points)
     far = found.known & (true > 0.15) & (found.distance_m < 2.0)
     assert far.sum() > 100
     error_m = found.distance_m[far] - true[far]
@@ -118,35 +109,35 @@ def test_distances_pass_over_from_field_to_keyframes_without_a_step():
     ray = (eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True)
     steps = np.arange(0.0, 0.2, 0.002)
     along = (surface[::40, None] + steps[:, None] * ray[::40, None]).reshape(-1, 3)
-    distance_m = _map().query(along).distance_m.reshape(-1, len(steps))
+    distance_m = room_map().query(along).distance_m.reshape(-1, len(steps))
     jump_m = np.abs(np.diff(distance_m, axis=1))
     assert np.nanquantile(jump_m, 0.99) < 0.02
     assert np.nanmean(distance_m[:, -1]) > 0.1
 
 
-def test_nothing_is_known_behind_walls_and_beyond_the_map():
+def test_nothing_is_known_behind_walls_and_beyond_theroom_map():
     surface, eye = _measured(0), room_poses()[0][:3, 3]
     ray = (surface - eye) / np.linalg.norm(surface - eye, axis=1, keepdims=True)
-    behind = _map().query(surface + 0.5 * ray)
+    behind = room_map().query(surface + 0.5 * ray)
     assert behind.known.mean() < 0.1
     assert not behind.certainty[~behind.known].any()
     np.testing.assert_array_equal(np.isnan(behind.distance_m), ~behind.known)
-    beyond = _map().query(np.array([[0.0, 0.0, 500.0], [1e6, 0.0, 0.0]]))
+    beyond = room_map().query(np.array([[0.0, 0.0, 500.0], [1e6, 0.0, 0.0]]))
     assert not beyond.known.any() and not beyond.gradient.any()
 
 
 def test_rays_end_where_the_frame_measured():
     surface, eye = _measured(6), room_poses()[6][:3, 3]
     directions = 3.0 * (surface - eye)
-    hits = _map().raycast(np.broadcast_to(eye, surface.shape), directions, 20.0)
+    hits = room_map().raycast(np.broadcast_to(eye, surface.shape), directions, 20.0)
     true = np.linalg.norm(surface - eye, axis=1)
     assert hits.hit.mean() > 0.95
     assert np.median(np.abs(hits.distance_m - true)[hits.hit]) < 0.01
     assert np.isinf(hits.distance_m[~hits.hit]).all()
-    short = _map().raycast(np.broadcast_to(eye, surface.shape), directions, 0.5)
+    short = room_map().raycast(np.broadcast_to(eye, surface.shape), directions, 0.5)
     assert (short.hit == (hits.distance_m <= 0.5)).mean() > 0.99
     assert not short.hit.all()
-    far = _map().raycast([[0, 0, -1e15], [0, 0, 0]], [[0, 0, 1], [0, 0, 1]], np.inf)
+    far = room_map().raycast([[0, 0, -1e15], [0, 0, 0]], [[0, 0, 1], [0, 0, 1]], np.inf)
     assert far.hit.tolist() == [False, True] and np.isinf(far.distance_m[0])
 
 
@@ -155,10 +146,10 @@ def test_no_sphere_that_is_free_touches_the_room():
     surface, eye = _measured(6), room_poses()[6][:3, 3]
     share = rng.uniform(0.3, 1.0, (len(surface), 1))
     centres = (eye + share * (surface - eye))[:300]
-    free = _map().is_free(Spheres(centres, 0.1))
+    free = room_map().is_free(Spheres(centres, 0.1))
     gap_m = _true_distance_m(centres) - 0.1
     assert not free[gap_m < -0.01].any()
-    known = _map().query(centres).known
+    known = room_map().query(centres).known
     assert free[(gap_m > 0.04) & known].mean() > 0.5
     assert free.any() and not free.all()
 
@@ -166,7 +157,7 @@ def test_no_sphere_that_is_free_touches_the_room():
 def test_a_surface_that_keyframes_saw_through_later_is_gone():
     """Ten more looks of a keyframe find all that it shows 12 cm farther away; the field keeps it."""
     room, k = mapped_room(), 1  # frame 4
-    whole, params = keyframes_of_store(room.store), room.parameters.published()[1]
+    whole = keyframes_of_store(room.store)
     before = replace(
         whole, ids=whole.ids[[k]], stamps_ns=whole.stamps_ns[[k]], T_world_cam=whole.T_world_cam[[k]],
         depth_m=lambda _: whole.depth_m(k),
@@ -176,10 +167,7 @@ def test_a_surface_that_keyframes_saw_through_later_is_gone():
         T_world_cam=before.T_world_cam.repeat(11, axis=0),
         depth_m=lambda n: whole.depth_m(k) + np.float32(0.12 * (n > 0)),
     )  # fmt: skip
-    there, gone = (
-        DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
-        for keyframes in (before, after)
-    )
+    there, gone = map_of(before), map_of(after)
     surface, eye = _measured(4), room_poses()[4][:3, 3]
     ray = (surface - eye) / np.linalg.norm(surface - eye, axis=1, keepdims=True)
     across = -np.einsum("ni,ni->n", there.query(surface - 0.02 * ray).gradient, ray) > 0.8
@@ -197,76 +185,17 @@ def test_a_surface_that_keyframes_saw_through_later_is_gone():
     assert there.is_free(balls).mean() < 0.1 and gone.is_free(balls).mean() > 0.5
 
 
-def test_a_view_is_what_the_camera_saw():
-    frame, pose = room_frames()[6], room_poses()[6]
-    color, depth_m = _map().render(pose)
-    true_m = frame.depth_m()
-    both = (depth_m > 0) & (true_m > 0)
-    assert both.mean() > 0.9
-    assert np.median(np.abs(depth_m - true_m)[both]) < 0.01
-    assert color.dtype == np.uint8 and color.shape == frame.color.shape
-    difference = np.abs(color.astype(int) - frame.color)[both]
-    field_color, field_m = _map().render(pose, from_keyframes=False)
-    np.testing.assert_array_equal(field_m, depth_m)
-    field_difference = np.abs(field_color.astype(int) - frame.color)[both]
-    assert np.median(field_difference) < 25
-    assert difference.mean() < 0.7 * field_difference.mean()
-
-
-def test_the_field_colours_what_no_keyframe_shows():
-    def holes(k: int) -> np.ndarray:
-        depth_m = keyframes_of_store(mapped_room().store).depth_m(k).copy()
-        depth_m[:, : depth_m.shape[1] // 2] = 0
-        return depth_m
-
-    room, pose = mapped_room(), room_poses()[4]
-    whole = keyframes_of_store(room.store)
-    params = room.parameters.published()[1]
-
-    def view(keyframes: MapKeyframes, *, from_keyframes: bool = True) -> np.ndarray:
-        one_map = DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
-        return one_map.render(pose, from_keyframes=from_keyframes)[0]
-
-    field = view(whole, from_keyframes=False)
-    without_images = view(replace(whole, color=None))
-    np.testing.assert_array_equal(without_images, field)
-    only = replace(
-        whole, ids=whole.ids[1:2], stamps_ns=whole.stamps_ns[1:2],
-        T_world_cam=whole.T_world_cam[1:2], depth_m=lambda _: holes(1), color=lambda _: whole.color(1),
-    )  # fmt: skip
-    half = field.shape[1] // 2
-    np.testing.assert_array_equal(view(only)[:, : half - 1], field[:, : half - 1])
-    assert (view(only)[:, half + 1 :] != field[:, half + 1 :]).any(axis=2).mean() > 0.5
-
-
-def test_threads_may_render_at_once():
-    poses = room_poses()[:4]
-    alone = [_map().render(pose) for pose in poses]
-    with ThreadPoolExecutor(len(poses)) as threads:
-        together = list(threads.map(_map().render, list(poses) * 2))
-    for k, (color, depth_m) in enumerate(together):
-        np.testing.assert_array_equal(color, alone[k % len(poses)][0])
-        np.testing.assert_array_equal(depth_m, alone[k % len(poses)][1])
-
-
-def test_a_pose_may_be_a_list():
-    color, depth_m = _map().render(room_poses()[6].tolist())
-    again, again_m = _map().render(room_poses()[6])
-    np.testing.assert_array_equal(color, again)
-    np.testing.assert_array_equal(depth_m, again_m)
-
-
 def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframes():
-    mesh = _map().mesh(0.05)
+    mesh = room_map().mesh(0.05)
     assert len(mesh.faces) > 1000
     assert np.median(_true_distance_m(np.asarray(mesh.vertices))) < 0.01
-    trajectory = _map().trajectory()
+    trajectory = room_map().trajectory()
     np.testing.assert_array_equal(trajectory.T_world_cam, room_poses()[::4])
     assert list(trajectory.stamps_ns) == [f.stamp_ns for f in room_frames()[::4]]
     trajectory.T_world_cam[:, :3, 3] -= 5.0  # a copy: the map stays
     trajectory.stamps_ns[:] = 0
-    np.testing.assert_array_equal(_map().trajectory().T_world_cam, room_poses()[::4])
-    assert _map().trajectory().stamps_ns.any()
+    np.testing.assert_array_equal(room_map().trajectory().T_world_cam, room_poses()[::4])
+    assert room_map().trajectory().stamps_ns.any()
 
 
 @pytest.mark.parametrize(
@@ -310,28 +239,26 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
 )
 def test_bad_questions_are_one_line(ask, text):
     with pytest.raises(UserError, match=text):
-        ask(_map())
+        ask(room_map())
 
 
 @pytest.mark.parametrize("far_m", [0.0, -1.0, np.nan, "4"])
 def test_a_reach_that_is_none_is_told_when_the_map_is_opened(far_m):
-    room = mapped_room()
-    layout, params = room.parameters.layout, room.parameters.published()[1]
-    keyframes = keyframes_of_store(room.store)
+    keyframes = keyframes_of_store(mapped_room().store)
     with pytest.raises(UserError, match=f"far_m = {far_m!r}: expected metres above 0"):
-        DenseMap(layout, params, keyframes, SMALL.sampling, far_m=far_m)
+        map_of(keyframes, far_m=far_m)
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), []])
 def test_no_points_have_no_answers(points):
-    assert [len(part) for part in _map().query(points)] == [0, 0, 0, 0]
-    assert [len(part) for part in _map().raycast(points, points)] == [0, 0]
+    assert [len(part) for part in room_map().query(points)] == [0, 0, 0, 0]
+    assert [len(part) for part in room_map().raycast(points, points)] == [0, 0]
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("far_m", [1e20, 1e39, 1e300])
 def test_numbers_of_any_size_are_taken(far_m):
-    assert not _map().query([[far_m, 0, 0]]).known
-    assert not _map().raycast([[far_m, 0, 0]], [[0, 0, 1]]).hit
-    hits = _map().raycast([[0, 0, 0]] * 3, [[0, 0, 1], [0, 0, far_m], [0, 0, 1 / far_m]])
+    assert not room_map().query([[far_m, 0, 0]]).known
+    assert not room_map().raycast([[far_m, 0, 0]], [[0, 0, 1]]).hit
+    hits = room_map().raycast([[0, 0, 0]] * 3, [[0, 0, 1], [0, 0, far_m], [0, 0, 1 / far_m]])
     assert hits.hit.all() and np.ptp(hits.distance_m) == 0

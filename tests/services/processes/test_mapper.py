@@ -5,10 +5,13 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.slam import Slam
 from hsslam_proto import topics
 from hsslam_services.arena.arena import Arena
@@ -20,16 +23,23 @@ from tests.services.wire_samples import pose
 from tests.small_room import SMALL, room_frames, room_poses
 
 
+def _begun(
+    make_run: Callable[..., RunInfo], pace: str = "lockstep", **parts: Any
+) -> tuple[RunInfo, KeyframeStore, FieldParameters]:
+    """A run without bundle adjustment whose arena has the first frame as keyframe, and its map."""
+    config = replace(SMALL, ba=replace(SMALL.ba, enabled=False), **parts)
+    run = make_run(slam=config, pace=pace)
+    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
+    slam.process(room_frames()[0])
+    assert slam.store and slam.parameters
+    return run, slam.store, slam.parameters
+
+
 def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
     make_run: Callable[..., RunInfo],
 ):
     quick = replace(SMALL.mapper, first_iterations=2, iterations=2, last_iterations=1)
-    config = replace(SMALL, mapper=quick, ba=replace(SMALL.ba, enabled=False))
-    run = make_run(slam=config, pace="lockstep")
-    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
-    slam.process(room_frames()[0])
-    store, parameters = slam.store, slam.parameters
-    assert store and parameters
+    run, store, parameters = _begun(make_run, mapper=quick)
     away = np.eye(4)
     away[0, 3] = 9.0  # beyond `most_m`
     assert not parameters.layout.bound.contains(away[None, :3, 3])[0]
@@ -54,14 +64,8 @@ def test_last_iterations_end_in_time_for_the_map_to_be_saved(
 ):
     """`left_s`: until a save that takes 0.1 s must begin; the first save took `save_s`."""
     quick = replace(SMALL.mapper, first_iterations=2, iterations=2, last_iterations=10_000)
-    run = make_run(slam=replace(SMALL, mapper=quick))
-    slam = Slam(
-        replace(run.options.slam, ba=replace(SMALL.ba, enabled=False)),
-        arrays=Arena(Path(run.arena_dir)),
-    )
-    slam.process(room_frames()[0])
-    parameters, mode = slam.parameters, MapState(run.arena_dir)
-    assert parameters
+    run, _, parameters = _begun(make_run, pace="realtime", mapper=quick)
+    mode = MapState(run.arena_dir)
     budget_s = run.options.finish_budget_s
     mode.stopped_ns = time.monotonic_ns() - int(1e9 * (budget_s - 1.2 - left_s))
     mode.saved_in_ns = int(1e9 * save_s)
@@ -85,12 +89,7 @@ def test_in_lockstep_the_mapper_leaves_waiting_keyframes_to_the_end_if_it_must_s
     make_run: Callable[..., RunInfo],
 ):
     quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
-    config = replace(SMALL, mapper=quick, ba=replace(SMALL.ba, enabled=False))
-    run = make_run(slam=config, pace="lockstep")
-    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
-    slam.process(room_frames()[0])
-    store, parameters = slam.store, slam.parameters
-    assert store and parameters
+    run, store, parameters = _begun(make_run, mapper=quick)
     with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
         loop = _StoppedAtFirst(worker)
         for k in range(1, 9):  # as of a fragment that joins
@@ -105,12 +104,7 @@ def test_in_lockstep_the_mapper_leaves_waiting_keyframes_to_the_end_if_it_must_s
 def test_the_mapper_makes_room_for_a_fragment_that_waits(make_run: Callable[..., RunInfo]):
     quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
     few = replace(SMALL.keyframes, capacity=12)
-    config = replace(SMALL, mapper=quick, keyframes=few, ba=replace(SMALL.ba, enabled=False))
-    run = make_run(slam=config, pace="lockstep")
-    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
-    slam.process(room_frames()[0])
-    store = slam.store
-    assert store
+    run, store, _ = _begun(make_run, mapper=quick, keyframes=few)
     for k in range(1, 9):
         store.append(room_frames()[k], room_poses()[k])
     with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:

@@ -96,7 +96,7 @@ def test_while_that_process_is_busy_the_client_is_told_to_ask_again(gateway):
 
 
 def _located(endpoint: str, x: float) -> str:
-    """What a client is told that asks for the camera at x."""
+    """The answer to a client that gives a place at x for the camera."""
     while True:
         try:
             return str(ask(endpoint, "r", LOCATE, Locate(x=x, y=0, yaw_deg=0)))
