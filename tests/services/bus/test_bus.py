@@ -65,7 +65,7 @@ def test_shared_memory_is_open_before_the_first_frame(endpoint):
 def test_newest_wins_and_the_rest_is_counted(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=1)
-        publisher = a.publisher(topics.FRAME)
+        publisher = a.publisher(topics.FRAME, block=True)
         until(publisher.has_subscribers)
         for index in range(1, 6):
             publisher.put(_frame(index))
@@ -78,7 +78,7 @@ def test_each_message_says_how_many_were_dropped_before_it(endpoint):
     """So a reader can save a count that fits the messages it has read, with others still waiting."""
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=2)
-        publisher = a.publisher(topics.FRAME)
+        publisher = a.publisher(topics.FRAME, block=True)
         until(publisher.has_subscribers)
         for index in range(5):
             publisher.put(_frame(index))

@@ -14,7 +14,7 @@ from tests.until import until
 def test_an_outside_camera_or_the_network_may_leave_frames_out(endpoint: str, tmp_path: Path):
     CameraProgress().write(tmp_path)
     with Bus(endpoint, "r", "camera") as camera, Bus(endpoint, "r", "tracker") as tracker:
-        publisher = camera.publisher(topics.FRAME)
+        publisher = camera.publisher(topics.FRAME, block=True)
         frames = tracker.subscribe(topics.FRAME, DEPTH)
         until(publisher.has_subscribers)
         outside, own = LeftOutFrames(frames, None), LeftOutFrames(frames, tmp_path)

@@ -41,7 +41,7 @@ def test_a_burst_is_taken_whole_and_late_frames_are_dropped(endpoint: str):
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "tracker") as bus:
         frames = bus.subscribe(topics.FRAME, DEPTH)
         timely = TimelyFrames(frames, lambda: time.monotonic_ns() + moved_ns)
-        camera = _Camera(outside.publisher(topics.FRAME), frames)
+        camera = _Camera(outside.publisher(topics.FRAME, block=True), frames)
 
         camera.burst(1, 2, 3)
         assert _indices([timely.wait_received(0.0) for _ in range(4)]) == [1, 2, 3, None]

@@ -16,7 +16,7 @@ def test_a_pose_gets_its_frame_though_the_next_ones_are_there(endpoint):
     ]
     with Bus(endpoint, "r", "camera") as camera, Bus(endpoint, "r", "reader") as reader:
         waiting = WaitingFrames(reader)
-        sender = camera.publisher(topics.FRAME)
+        sender = camera.publisher(topics.FRAME, block=True)
         (subscription,) = reader.subscriptions
         until(sender.has_subscribers, 30)
         for sent in frames[:4]:
