@@ -19,7 +19,10 @@ from hsslam_proto.messages import Pose
 from hsslam_services.log.parts import parts
 from hsslam_services.run.run_info import RunInfo
 
-KILLED = ("tracker", "mapper", "recorder", "global_ba", "mesher", "fork_server", "camera")
+KILLED = (
+    *("tracker", "mapper", "recorder", "global_ba", "mesher", "fork_server", "camera"),
+    "watchdog",
+)
 HALF_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "320", "--synth.height-px", "240"),
     *("--rate-hz", "15", *QUICK),

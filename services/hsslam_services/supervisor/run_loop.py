@@ -34,6 +34,7 @@ from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
 from hsslam_services.security.certificate_validity import CertificateWarnings
 from hsslam_services.supervisor.guard import Guard
+from hsslam_services.supervisor.kept_watchdog import KeptWatchdog
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
 from hsslam_services.supervisor.preparation import Prepared
 from hsslam_services.supervisor.stop_reason import StopReason, of_processes, user_error
@@ -51,7 +52,12 @@ class RunLoop:
     """
 
     def __init__(
-        self, prepared: Prepared, bus: Bus, fork_client: ForkClient, signals: Callable[[], int]
+        self,
+        prepared: Prepared,
+        bus: Bus,
+        fork_client: ForkClient,
+        watchdog: KeptWatchdog,
+        signals: Callable[[], int],
     ) -> None:
         self.not_saved: Mapping[str, str] = {}
         self._signals = signals
@@ -59,6 +65,7 @@ class RunLoop:
         self._notices = prepared.notices
         self._bus = bus
         self._fork_client = fork_client
+        self._watchdog = watchdog
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
         self._gateway = Gateway(bus, prepared.info, fork_client.spawn)
@@ -152,6 +159,7 @@ class RunLoop:
         for child in self._children.values():
             guard.run(child.spec.name, child.tick, is_needed=True)
         guard.run("fork server", self._fork_client.tick)
+        guard.run("watchdog", self._watchdog.tick)
         guard.run("news", self._report_news)
         guard.run("results of the run before", self._replace_results)
         guard.run("memory", self._measure_memory)
@@ -174,7 +182,7 @@ class RunLoop:
     def _report_news(self) -> None:
         if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
             self._report(warning)
-        for reporter in (*self._children.values(), self._fork_client):
+        for reporter in (*self._children.values(), self._fork_client, self._watchdog):
             while reporter.news:
                 self._report(reporter.news.pop(0))
 

@@ -7,7 +7,6 @@ Arena: reads pose_log; writes map_state
 
 import contextlib
 import signal
-import subprocess
 import traceback
 from collections.abc import Callable, Mapping
 
@@ -19,12 +18,12 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.open_source import check_source_exists
 from hsslam_services.health.resilient_stream import say_at_end
 from hsslam_services.launch.fork_client import ForkClient
-from hsslam_services.launch.one_shot import expect_end, start_watchdog
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import hear_stop_signals
 from hsslam_services.supervisor.descriptors import allow_descriptors
+from hsslam_services.supervisor.kept_watchdog import KeptWatchdog
 from hsslam_services.supervisor.preparation import Prepared, prepare
 from hsslam_services.supervisor.run_loop import RunLoop
 
@@ -74,14 +73,14 @@ class Supervisor:
     def _run(self, prepared: Prepared) -> ExitCode:
         info, arena = prepared.info, prepared.arena
         fork_client = ForkClient(info.path)
-        watchdog: subprocess.Popen | None = None
+        watchdog: KeptWatchdog | None = None
         is_in_order = False
         try:
             if has_run_kernels(info.options.grid):
                 fork_client.start()
-            watchdog = start_watchdog(info.path, arena.path)
+            watchdog = KeptWatchdog(info.path, arena.path)
             with Bus(info.endpoint, info.robot, "supervisor") as bus:
-                run = RunLoop(prepared, bus, fork_client, lambda: self._signals)
+                run = RunLoop(prepared, bus, fork_client, watchdog, lambda: self._signals)
                 try:
                     code = run.to_the_end()
                 finally:
@@ -101,9 +100,8 @@ class Supervisor:
             prepared.close()
             arena.let_go()
             if is_in_order and watchdog is not None:
-                expect_end(
-                    watchdog
-                )  # else it saves the results in the arena, and outlives this process
+                watchdog.expect_end()
+            # else it saves the results in the arena, and outlives this process
 
     def _free(self, arena: ArenaFolder, info: RunInfo, not_saved: Mapping[str, str]) -> None:
         """Remove the arena, unless it holds results that are not saved."""

@@ -205,6 +205,7 @@ def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(
 def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(15)
+    run.kill_worker("watchdog")
     run.close_bus()
     run.signal(signal.SIGKILL)
     run.process.wait()

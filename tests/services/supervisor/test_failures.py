@@ -15,14 +15,15 @@ pytestmark = pytest.mark.e2e
 GIVEN_UP = "tracker was killed by SIGKILL: too many restarts, given up"
 
 
-def test_death_of_ba_recorder_mesher_and_fork_server_costs_no_pose(serve):
+def test_death_of_ba_recorder_mesher_fork_server_and_watchdog_costs_no_pose(serve):
     run = serve(*SMALL_ROOM, "--frames", "120")
     run.wait_for_poses(30)
-    for name in ("global_ba", "recorder", "mesher", "fork_server"):
+    for name in ("global_ba", "recorder", "mesher", "fork_server", "watchdog"):
         run.kill_worker(name)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
-    assert "fork server was killed by SIGKILL: restarted" in run.stderr
+    for name in ("fork server", "watchdog"):
+        assert f"{name} was killed by SIGKILL: restarted" in run.stderr
     summary = run.summary()
     for name in ("global_ba", "recorder", "mesher"):
         assert summary["processes"][name]["restarts"] == 1

@@ -100,6 +100,7 @@ def _expect_rescue_beside_another_run(run: ServeProcess, arena: Path) -> None:
 def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve, tmp_path: Path):
     first = serve(*SMALL_ROOM, *_LONG)
     first.wait_for_poses(20)
+    psutil.Process(first.process.pid).suspend()  # it would start the watchdog again
     watchdog = first.pid_of("watchdog")
     assert watchdog is not None
     psutil.Process(watchdog).kill()
