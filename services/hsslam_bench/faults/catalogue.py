@@ -9,6 +9,7 @@ from hsslam_bench.faults import (
     full_memory,
     hostile_neighbours,
     no_resources,
+    no_threads,
     processes_killed,
     recorder_dies,
     strange_frames,
@@ -197,6 +198,14 @@ FAULTS = (
         "the run goes on, or ends in order with results",
         no_resources.idle_connections_to_metrics,
         seconds=40,
+    ),
+    Fault(
+        "no-threads",
+        "no thread and no process can start for 8 s, two processes die, and a client saves the map",
+        "poses go on; the run goes on, and everything is saved",
+        no_threads.no_thread_can_start,
+        seconds=60,
+        needs_root=True,
     ),
     Fault(
         "log-cannot-be-opened",

@@ -29,6 +29,7 @@ _PATIENCE_S = 120.0  # for a fork server that still imports
 _FROZEN_S = 10.0  # for a fork server that has forked before
 _END_TIMEOUT_S = 2.0
 _KILL_TIMEOUT_S = 5.0
+_RETRY_S = 10.0  # if the fork server cannot be started, as without threads
 
 
 class ForkedProcess:
@@ -139,6 +140,7 @@ class ForkClient:
         self._socket: socket.socket | None = None
         self._first: ForkedProcess | None = None  # first request to this fork server
         self._started_s = time.monotonic()
+        self._retry_s: float | None = None  # the time of the next try
         adopt_orphans()
 
     @property
@@ -146,14 +148,19 @@ class ForkClient:
         return self._process.pid if self._process else None
 
     def start(self) -> None:
-        """Start the fork server if it does not run; if this fails, processes start without it."""
+        """Start the fork server if it does not run; if this fails, processes start without it meanwhile."""
         if self._process is not None:
             return
         try:
             self._start()
         except OSError as error:
             self._close_socket()
-            self.news.append(f"fork server {not_started(error)}: processes start without it")
+            if self._retry_s is None:
+                text = "processes start without it until it can"
+                self.news.append(f"fork server {not_started(error)}: {text}")
+            self._retry_s = time.monotonic() + _RETRY_S
+        else:
+            self._retry_s = None
 
     def _start(self) -> None:
         self._started_s = time.monotonic()
@@ -188,7 +195,9 @@ class ForkClient:
         return process
 
     def tick(self) -> None:
-        """Start the fork server again if it has died."""
+        """Start the fork server again if it has died, or could not be started."""
+        if self._retry_s is not None and time.monotonic() >= self._retry_s:
+            self.start()
         if self._process is None or self._process.poll() is None:
             return
         how = how_it_ended(self._process.returncode)

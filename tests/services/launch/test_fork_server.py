@@ -133,6 +133,27 @@ def test_it_is_given_up_only_if_it_dies_again_and_again_at_once(
     assert last in fork_client.news[-1]
 
 
+def test_one_that_cannot_be_started_is_tried_again(run: RunInfo, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("hsslam_services.launch.fork_client._RETRY_S", 0.0)
+    log = run.path / "logs" / "fork_server.log"
+    log.mkdir(parents=True)
+    link = ForkClient(run.path)
+    try:
+        link.start()
+        link.tick()
+        assert len(link.news) == 1 and "processes start without it" in link.news[0]
+        assert link.pid is None
+        log.rmdir()
+        process = _start(link, run, "obedient")
+        assert link.pid is not None
+        _wait_for(lambda: _is_ready(process))
+        assert process.is_forked
+        process.send_signal(END_SIGNAL)
+        assert process.wait(10) == 0
+    finally:
+        link.close()
+
+
 def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInfo):
     process = _start(fork_client, run, "obedient")
     assert process.pid is None
