@@ -29,7 +29,7 @@ from hsslam_bench.checks.robustness import (
 )
 from hsslam_bench.checks.soak import soak_checks
 from hsslam_bench.checks.speed import gpu_checks, kernel_checks
-from hsslam_bench.checks.viewer import frozen_checks, viewer_checks
+from hsslam_bench.checks.viewer import frozen_checks, robot_checks, viewer_checks
 from hsslam_bench.peers.rows import peer_checks
 from hsslam_bench.tables.rows import paper_checks
 
@@ -51,6 +51,7 @@ def catalogue() -> list[Check]:
         *lost_checks(),
         *faithful_checks(),
         *viewer_checks(),
+        *robot_checks(),
         *frozen_checks(),
         *quota_checks(),
         *fuzz_checks(),

@@ -1,15 +1,19 @@
-"""Rows of a full service: recorder, mesher, BA, and a viewer that reads or is frozen."""
+"""Rows of a full service: recorder, mesher, BA, a viewer that reads or is frozen, a robot that takes all."""
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.robot_client import NAMESPACE, AttachedRobot, rates_hz
 from hsslam_bench.runs.run_log import LoggedPose
 from hsslam_bench.runs.sequences import Skipped
-from hsslam_bench.runs.serve_run import finished
+from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 from hsslam_bench.runs.viewers import FROZEN_S, FrozenViewer
+from hsslam_proto import topics
+from hsslam_services.bus.bus import free_endpoint
 
 _VIEWER_SEQUENCES = ("kitchen", "room")
 _TRACKED, _TRACKED_60 = 0.99, 0.95
@@ -19,6 +23,7 @@ _ATE_FACTOR = 1.3
 _SMALL_MS = 0.05  # smaller times are not shown
 _FROZEN_SEQUENCES = ("kitchen", "room")
 _SEQUENCE_OPTIONS = ("--pace", "realtime", "--rate-hz", "30")
+_GRID_HZ, _GRID_SHARE = 10.0, 0.95  # of the rate, as the last grid of a run may be missing
 
 
 def viewer_checks() -> list[Check]:
@@ -78,6 +83,52 @@ def _budget(session: Session) -> Measured:
         each = ", ".join(f"{process} {ms:.1f}" for process, ms in shown.items())
         texts.append(f"{run.name}: {sum(run.core_ms.values()):.1f} ({each})")
     return Measured("; ".join(texts), None, {run.name: run.core_ms for run in runs})
+
+
+def robot_checks() -> list[Check]:
+    """Checks of a run with grid, distances and output to ROS 2, all of them taken, beside a viewer."""
+    return [check for sequence in _VIEWER_SEQUENCES for check in _with_robot(sequence)]
+
+
+def _with_robot(sequence: str) -> list[Check]:
+    def tracked(session: Session) -> Measured:
+        return live_figures.tracked(_robot_run(session, sequence), _TRACKED)
+
+    def latency(session: Session) -> Measured:
+        return live_figures.latency(_robot_run(session, sequence), "p99", _P99_MS)
+
+    def rates(session: Session) -> Measured:
+        run = _robot_run(session, sequence)
+        if run.log.tracking_ns is None:
+            return Measured("no pose after the first", False)
+        found = rates_hz(run.outside["arrivals_ns"], *run.log.tracking_ns)
+        slowest = min(found[topic.name] for topic in (topics.GRID, topics.ESDF, topics.ESDF_BLOCKS))
+        text = ", ".join(f"{name} {hz:.1f}" for name, hz in found.items())
+        is_ok = slowest >= _GRID_SHARE * _GRID_HZ and min(found.values()) > 0
+        return Measured(f"{text} a second", is_ok, found, slowest, "higher")
+
+    def accuracy(session: Session) -> Measured:
+        run = _robot_run(session, sequence)
+        return live_figures.accuracy(run, finished(session.lockstep(sequence)), _ATE_FACTOR)
+
+    name, of = f"robot:{sequence}", f"{sequence}, 30 Hz, --grid and --ros2-out taken, a viewer"
+    rate = f"grid and distances {_GRID_HZ:g} Hz"
+    return [
+        Check(f"{name}:tracked", f"{of}: frames tracked after the first", "99%", tracked),
+        Check(
+            f"{name}:latency", f"{of}: latency to published pose", f"p99 {_P99_MS:g} ms", latency
+        ),
+        Check(f"{name}:rates", f"{of}: messages that arrive", rate, rates),
+        Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", f"{_ATE_FACTOR:g} x lockstep", accuracy),
+    ]
+
+
+def _robot_run(session: Session, sequence: str) -> ServeRun:
+    router = free_endpoint()
+    outputs = ("--grid", "--ros2-out", NAMESPACE, "--ros2.connect", router)
+    robot = partial(AttachedRobot, ros_router=router)
+    options = (*_SEQUENCE_OPTIONS, *outputs)
+    return finished(session.outside(f"robot-{sequence}", sequence, robot, *options, viewer="web"))
 
 
 def frozen_checks() -> list[Check]:
