@@ -50,14 +50,18 @@ class RobotFrames:
         return self.T_base_cam if self.T_level_world is None else self.T_level_world
 
     def base_pose(self, T_world_cam: np.ndarray) -> np.ndarray:
-        """`base_link` in `map` [4, 4]; without T_level_world, T_odom_cam gives `base_link` in `odom`."""
+        """`base_link` in `map` [4, 4]."""
         return self.T_map_world @ T_world_cam @ inverse(self.T_base_cam)
+
+    def in_odom(self, T_odom_cam: np.ndarray) -> np.ndarray:
+        """`base_link` in `odom` [4, 4]."""
+        return self.T_base_cam @ T_odom_cam @ inverse(self.T_base_cam)
 
     def on_level(self, T_odom_cam: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
         """T_odom_cam [4, 4] with the height and tilt that `base_link` has in `map`; its x, y and heading
         in `odom` stay."""
         T_cam_base = inverse(self.T_base_cam)
-        T_odom_base = self.T_base_cam @ T_odom_cam @ T_cam_base
+        T_odom_base = self.in_odom(T_odom_cam)
         T_map_base = self.base_pose(T_world_cam)
         T_odom_map = _on_floor(T_odom_base) @ inverse(_on_floor(T_map_base))
         return T_cam_base @ T_odom_map @ T_map_base @ self.T_base_cam

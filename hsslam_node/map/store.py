@@ -14,7 +14,7 @@ from hsslam_node.map.keyframes.room import KeyframeRoom
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
 from hsslam_node.map.keyframes.staged import StagedKeyframes
-from hsslam_node.map.keyframes.world_frame import WorldFrame
+from hsslam_node.map.keyframes.world_frame import LEVEL, WorldFrame
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection
 
@@ -42,10 +42,10 @@ class KeyframeStore:
         row = arrays.open("keyframe_camera")  # [23] float64: camera, depth scale, level frame
         if load_ordered(row, 0) == 0:  # the width is written last: its maker is still at it
             raise KeyError("keyframe_camera")
-        width, height, fx, fy, cx, cy, units = row[:7]
+        width, height, fx, fy, cx, cy, units = row[:LEVEL]
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
-        self.world_frame = WorldFrame(self._header, arrays.open("keyframe_gravity"), row[7:])
+        self.world_frame = WorldFrame(self._header, arrays.open("keyframe_gravity"), row[LEVEL:])
         self._rows = KeyframeRows(arrays)
         self._slots = KeyframeSlots(arrays, self.camera)
         self._poses = KeyframePoses(self._header, self._rows, self._slots)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import rerun_cli
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from hsslam_proto import topics
 from hsslam_proto.codec import decode, encoding_of
@@ -23,6 +24,18 @@ def read_log(path: Path) -> dict[str, list]:
             if topic is not None:
                 decoded = decode(topic, message.data, encoding_of(topic))
                 out.setdefault(topic.name, []).append(decoded)
+    return out
+
+
+def read_viz(path: Path) -> dict[str, list]:
+    """The Foxglove messages of each topic, in their order."""
+    out: dict[str, list] = {}
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        topics_of_layer = [c.topic for c in reader.get_summary().channels.values()]
+        chosen = [topic for topic in topics_of_layer if topic.startswith("/viz/")]
+        for _, channel, _, message in reader.iter_decoded_messages(chosen):
+            out.setdefault(channel.topic, []).append(message)
     return out
 
 

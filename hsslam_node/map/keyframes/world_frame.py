@@ -3,8 +3,11 @@
 import numpy as np
 
 from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.keyframes.header import GRAVITY
 from hsslam_node.map.memory_order import load_ordered, store_ordered
+
+LEVEL = 7  # where the level frame begins in the array `keyframe_camera`
 
 
 class WorldFrame:
@@ -47,3 +50,13 @@ class WorldFrame:
         """Set `T_level_world`, before other processes use the store; the first value stays."""
         if T_level_world is not None and not self._level.any():
             self._level[:] = T_level_world.ravel()
+
+
+def level_frame_in(arrays: ArrayAllocator) -> np.ndarray | None:
+    """`T_level_world` of the store among the arrays, for a process that reads no keyframes; None: there is no
+    store yet, or it is not known."""
+    try:
+        rows = arrays.open("keyframe_camera")[LEVEL:]
+    except KeyError:
+        return None
+    return rows.reshape(4, 4).copy() if rows.any() else None

@@ -1,6 +1,6 @@
 """Converts our messages to Foxglove protobuf messages, which viewers open without an extension.
 
-Frames: `world` and `camera`, OpenCV axes (x right, y down, z forward), m.
+Frames: `world` and `camera`, OpenCV axes (x right, y down, z forward), m. `poses.py` converts poses.
 """
 
 from collections.abc import Mapping
@@ -9,9 +9,7 @@ from typing import Any
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
@@ -22,7 +20,7 @@ from hsslam_proto.foxglove.grid import drawn_grid
 from hsslam_proto.foxglove.mesh import blocks_update, scene_update
 from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.codec import Triangles
-from hsslam_proto.message import Message, Quaternion, Vector
+from hsslam_proto.message import Message
 
 WORLD, CAMERA = "world", "camera"
 _LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
@@ -38,28 +36,23 @@ class VizMessage:
 
 
 def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
-    """The /viz messages of a message; only frames with JPEG colour are drawn. Lost poses are not drawn."""
+    """The /viz messages of any message but a pose; only frames with JPEG colour are drawn."""
     match message:
         case messages.Frame(color_encoding="jpeg"):
-            return [_viz("/viz/camera/image", _image(message))]
-        case messages.Pose() if message.status != "lost":
-            return [
-                _viz("/viz/tf", _transform(message)),
-                _viz("/viz/pose", _pose(message)),
-            ]
+            return [viz("/viz/camera/image", _image(message))]
         case mesh_messages.Mesh():
             return [VizMessage("/viz/mesh", SceneUpdate, scene_update(message, WORLD, stamp_ns))]
         case Grid():
-            return [_viz("/viz/grid", drawn_grid(message, WORLD))]
+            return [viz("/viz/grid", drawn_grid(message, WORLD))]
         case run_messages.Event():
-            return [_viz("/viz/log", _log(message))]
+            return [viz("/viz/log", _log(message))]
         case _:
             return []
 
 
 def viz_calibration(frame: messages.Frame) -> VizMessage:
     """The /viz message of the camera of a frame; viewers use the newest for all images."""
-    return _viz("/viz/camera/calibration", _calibration(frame))
+    return viz("/viz/camera/calibration", _calibration(frame))
 
 
 def viz_blocks(blocks: Mapping[Block, Triangles | None], stamp_ns: int) -> VizMessage:
@@ -71,10 +64,11 @@ def cleared_scene(stamp_ns: int) -> VizMessage:
     """Removes all meshes drawn before, after a reset of the map."""
     deletion = SceneEntityDeletion(type=SceneEntityDeletion.ALL)
     deletion.timestamp.FromNanoseconds(stamp_ns)
-    return _viz("/viz/mesh", SceneUpdate(deletions=[deletion]))
+    return viz("/viz/mesh", SceneUpdate(deletions=[deletion]))
 
 
-def _viz(topic: str, message: Any) -> VizMessage:
+def viz(topic: str, message: Any) -> VizMessage:
+    """A message of the layer, of a protobuf message."""
     return VizMessage(topic, type(message), message.SerializeToString())
 
 
@@ -100,26 +94,7 @@ def _calibration(frame: messages.Frame) -> CameraCalibration:
     return calibration
 
 
-def _transform(pose: messages.Pose) -> FrameTransform:
-    transform = FrameTransform(parent_frame_id=WORLD, child_frame_id=CAMERA)
-    transform.timestamp.FromNanoseconds(pose.stamp_ns)
-    _set(transform.translation, transform.rotation, pose.t, pose.q)
-    return transform
-
-
-def _pose(pose: messages.Pose) -> PoseInFrame:
-    out = PoseInFrame(frame_id=WORLD)
-    out.timestamp.FromNanoseconds(pose.stamp_ns)
-    _set(out.pose.position, out.pose.orientation, pose.t, pose.q)
-    return out
-
-
 def _log(event: run_messages.Event) -> Log:
     log = Log(level=_LEVELS[event.level], message=event.text, name=event.process)
     log.timestamp.FromNanoseconds(event.stamp_ns)
     return log
-
-
-def _set(position: Any, rotation: Any, t: Vector, q: Quaternion) -> None:
-    position.x, position.y, position.z = t
-    rotation.x, rotation.y, rotation.z, rotation.w = q

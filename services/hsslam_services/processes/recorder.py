@@ -3,11 +3,12 @@ it, in lockstep and at the end.
 
 Subscribes: every logged topic
 Publishes: sys/step
-Arena: reads load_level
+Arena: reads keyframes, load_level
 """
 
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,16 @@ import cv2
 import msgspec
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.map.keyframes.world_frame import level_frame_in
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
+from hsslam_proto.foxglove.poses import DrawnPoses, DrawnRobot
 from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.messages import Frame
 from hsslam_proto.run_messages import Health, SourceEnd, Step
 from hsslam_proto.topics import Topic
+from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.peers import AtWork
 from hsslam_services.bus.publisher import Report
@@ -35,6 +40,8 @@ from hsslam_services.log.parted_log import LogSettings, PartedLog, log_settings
 from hsslam_services.log.parts import parts, removed_before
 from hsslam_services.log.recorded_so_far import RecordedSoFar
 from hsslam_services.log.unfinished_parts import UnfinishedParts
+from hsslam_services.ros2.names import FrameNames
+from hsslam_services.run.run_info import RunInfo
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from hsslam_services.viewer.leave_out_pandas import leave_out_pandas
 from hsslam_services.viewer.view import RerunView
@@ -63,7 +70,7 @@ class Recorder:
     disk is nearly full, it leaves out frames, meshes and run.rrd. `report(level, text)` takes events.
     `viewer_memory_gb`: limit of a viewer started here; None: its default. `is_lockstep`: publish a step for
     each logged frame, else only after the end of the source. `camera_arena`: log only frames of the camera
-    process of this arena; None: of any camera.
+    process of this arena; None: of any camera. `poses` draws poses for Foxglove; None: of a camera alone.
 
     Raises:
         UserError: the run folder is not writable, or the viewer cannot be started.
@@ -80,6 +87,7 @@ class Recorder:
         viewer_memory_gb: float | None = None,
         is_lockstep: bool = False,
         camera_arena: Path | None = None,
+        poses: DrawnPoses | None = None,
     ) -> None:
         self._bus = bus
         self._run_dir = run_dir
@@ -96,7 +104,7 @@ class Recorder:
         except OSError as error:
             raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
         self._whole_mesh = WholeMesh(self._log.path, time.monotonic())
-        self._foxglove = FoxgloveLayer(self._log.write_viz)
+        self._foxglove = FoxgloveLayer(self._log.write_viz, poses or DrawnPoses())
         rrd = self._log.path.with_suffix(".rrd")
         self._view = RerunView(rrd, viewer, run_id, report, viewer_memory_gb)
         self._steps = bus.publisher(topics.STEP)
@@ -273,6 +281,7 @@ def record(worker: Worker) -> None:
         run.options.viewer_memory_gb,
         run.options.pace == "lockstep",
         run.camera_arena,
+        _drawn_poses(run),
     )
     level = SharedLevel(run.arena_dir)
     count_at_s = 0.0
@@ -288,6 +297,17 @@ def record(worker: Worker) -> None:
     finally:
         worker.add_to_summary({"log": recorder.close()})
         worker.counters.update(recorder.counters())
+
+
+def _drawn_poses(run: RunInfo) -> DrawnPoses:
+    """With the robot's frames if its camera's place is known, or if ROS uses them."""
+    options, robot = run.options, None
+    if options.T_level_world is not None:
+        mounted = RobotFrames.mounted(options.base_T_camera)
+        names = FrameNames.of(options.ros2_frame_prefix)
+        level = partial(level_frame_in, ArenaView(Path(run.arena_dir)))
+        robot = DrawnRobot(mounted.T_base_cam, names.map, names.odom, names.base, level)
+    return DrawnPoses(robot, by_wall_clock=options.has_other_rate)
 
 
 def main() -> None:

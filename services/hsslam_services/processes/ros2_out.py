@@ -13,15 +13,13 @@ from functools import partial
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.pose_covariance import turned
-from hsslam_node.geometry.robot_frames import RobotFrames, velocity
-from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Pose
-from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_proto.requests import LOCATE
+from hsslam_proto.robot_motion import RobotPath
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.run_worker import run_worker
@@ -104,7 +102,7 @@ class Ros2Out:
         self.names = FrameNames.of(worker.options.ros2_frame_prefix)
         self._robot = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
-        self._has_other_rate = worker.options.rate_hz is not None
+        self._motions = RobotPath(by_wall_clock=worker.options.has_other_rate)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._state = MapState(worker.run.arena_dir)
         self._max_depth_m = worker.options.slam.mapper.max_depth_m
@@ -112,7 +110,7 @@ class Ros2Out:
         self._clock = StampClock()
         self._log = PoseLog(worker.arena)
         self._learned = 0  # rows of the log
-        self._last: tuple[Pose, np.ndarray] | None = None  # last published, and its T_odom_base
+        self._last_ns: int | None = None  # stamp of the last published pose
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
         self._odometry = node.publisher("odom", "nav_msgs/msg/Odometry", each)
@@ -141,7 +139,7 @@ class Ros2Out:
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and path and points if they are due."""
         is_past = pose.map_epoch != self._state.map_epoch  # of a frame that is sent again
-        is_again = self._last and self._stamp_ns(self._last[0]) == self._stamp_ns(pose)
+        is_again = self._last_ns == self._stamp_ns(pose)
         if pose.status == "lost" or is_again or is_past:
             return
         with self._worker.timed("ros2"):
@@ -159,48 +157,28 @@ class Ros2Out:
                 self._images = None
 
     def _publish_pose(self, pose: Pose) -> None:
-        stamp_ns, make, frames = self._stamp_ns(pose), self._messages, self.frames
-        names = self.names
-        T_world_cam = transform(np.array(pose.t), np.array(pose.q))
-        T_odom_cam = pose_matrix(pose.odometry) if pose.odometry else T_world_cam
-        T_map_base = frames.base_pose(T_world_cam)
-        T_odom_base = self._robot.base_pose(T_odom_cam)
-        T_map_odom = T_map_base @ inverse(T_odom_base)
+        stamp_ns, make, names = self._stamp_ns(pose), self._messages, self.names
+        self._last_ns = stamp_ns
+        motion = self._motions.next(pose, self.frames)
         if self._transforms is not None:
-            chain = [(names.map, names.odom, T_map_odom), (names.odom, names.base, T_odom_base)]
+            chain = [
+                (names.map, names.odom, motion.T_map_odom),
+                (names.odom, names.base, motion.T_odom_base),
+            ]
             self._transforms.put(make.transforms(stamp_ns, chain))
-        known = covariance_matrix(pose.covariance)
-        covariance = None if known is None else frames.base_covariance(known, T_world_cam)
-        self._pose.put(make.pose(stamp_ns, names.map, T_map_base, covariance))
-        twist, seconds = self._twist(pose, T_odom_base)
-        in_odom = None if covariance is None else turned(covariance, T_map_odom[:3, :3].T)
-        in_base = None if covariance is None else turned(covariance, T_map_base[:3, :3].T)
+        known = motion.covariance_in_map
+        self._pose.put(make.pose(stamp_ns, names.map, motion.T_map_base, known))
         self._odometry.put(
             make.odometry(
                 stamp_ns,
                 (names.base, names.odom),
-                T_odom_base,
-                in_odom,
-                twist,
-                None if in_base is None or not seconds else 2 / seconds**2 * in_base,
+                motion.T_odom_base,
+                motion.covariance_in_odom,
+                np.zeros(6) if motion.twist is None else motion.twist,
+                motion.twist_covariance,
             )
         )
         self._worker.count("poses")
-
-    def _twist(self, pose: Pose, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
-        """Velocity [6] since the previous pose, in axes of the base, and the time since then, s; 0 if the
-        motion is unknown, as for the first pose. The time is by the sensor's clock, with --rate-hz by the
-        stamps of ROS."""
-        before, self._last = self._last, (pose, T_odom_base)
-        if before is None or pose.odometry_stands:
-            return np.zeros(6), 0.0
-        if self._has_other_rate:
-            seconds = 1e-9 * (self._stamp_ns(pose) - self._stamp_ns(before[0]))
-        else:
-            seconds = 1e-9 * (pose.source_stamp_ns - before[0].source_stamp_ns)
-        if seconds <= 0:
-            return np.zeros(6), 0.0
-        return velocity(before[1], T_odom_base, seconds), seconds
 
     def _publish_path(self, pose: Pose) -> None:
         """Publish the keyframes at their present poses, thinned evenly."""

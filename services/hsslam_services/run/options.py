@@ -26,6 +26,7 @@ from hsslam_services.run.source_table import (
     needs_port,
     refuse_ignored_options,
     sources_help,
+    speaks_ros2,
 )
 from hsslam_services.run.viewer_url import is_address, viewer_url
 
@@ -279,6 +280,11 @@ class ServeOptions:
     def T_level_world(self) -> np.ndarray | None:
         """Transform [4, 4] to the frame `map` of the robot; None without --base-T-camera and --ros2-out."""
         return level_frame(self.base_T_camera, in_ros=bool(self.ros2_out))
+
+    @property
+    def has_other_rate(self) -> bool:
+        """Whether speeds are by the wall clock, as frames come at another rate than the source's stamps."""
+        return self.rate_hz is not None and not speaks_ros2(self.source)
 
     @property
     def has_camera_process(self) -> bool:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 from hsslam_proto.distance.messages import Grid
+from hsslam_proto.foxglove.poses import DrawnPoses
 from hsslam_proto.foxglove.visualisation import (
     VizMessage,
     cleared_scene,
@@ -15,7 +16,7 @@ from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.mesh.assembled import PendingBlocks
 from hsslam_proto.mesh.messages import Mesh, MeshBlocks
 from hsslam_proto.message import Message
-from hsslam_proto.messages import Frame
+from hsslam_proto.messages import Frame, Pose
 
 _MESH_INTERVAL_S = 10.0
 _INTERVAL_NS = 1_000_000_000  # of grids, and of calibrations that stay the same
@@ -28,11 +29,12 @@ class FoxgloveLayer:
 
     `write(message, log_ns, stamp_ns)` writes a message of the layer to the log. `log_ns` is the time of
     arrival; for the mesh it is the time of writing, as Foxglove removes entities that are older than a
-    deletion. `stamp_ns` is the stamp of the sensor, on any clock.
+    deletion. `stamp_ns` is the stamp of the sensor, on any clock. `poses` draws the poses.
     """
 
-    def __init__(self, write: Callable[[VizMessage, int, int], None]) -> None:
+    def __init__(self, write: Callable[[VizMessage, int, int], None], poses: DrawnPoses) -> None:
         self._write = write
+        self._poses = poses
         self._blocks = PendingBlocks()
         self._mesh_s = float("-inf")
         self._grid_ns = 0
@@ -59,7 +61,8 @@ class FoxgloveLayer:
         if isinstance(message, Frame) and self._is_calibration_due(message, arrival_ns):
             self._write(viz_calibration(message), arrival_ns, message.stamp_ns)
         stamp_ns = getattr(message, "stamp_ns", arrival_ns)
-        for viz in viz_messages(message, arrival_ns):
+        is_pose = isinstance(message, Pose)
+        for viz in self._poses.of(message) if is_pose else viz_messages(message, arrival_ns):
             self._write(viz, arrival_ns, stamp_ns)
 
     def begin_part(self) -> None:

@@ -14,6 +14,7 @@ from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
+from hsslam_node.map.keyframes.world_frame import level_frame_in
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
@@ -43,12 +44,14 @@ def path(room, tmp_path_factory):
 
 def test_whoever_attaches_finds_the_map_as_it_was(room, path):
     arrays = MemoryAllocator()
+    assert level_frame_in(arrays) is None
     restore_map(arrays, path, SMALL)
     store, parameters = KeyframeStore(arrays), FieldParameters(arrays, SMALL.field)
     assert store.count == store.inherited == room.store.count
     assert store.world_frame.gravity == Gravity((0.0, -0.6, -0.8), 0.002)
     store.world_frame.note_level(np.eye(4))  # of a robot that goes on in the map
     np.testing.assert_array_equal(store.world_frame.T_level_world, _LEVEL)
+    np.testing.assert_array_equal(level_frame_in(arrays), _LEVEL)
     np.testing.assert_array_equal(store.poses(), room.store.poses())
     np.testing.assert_array_equal(store.stamps_ns(), room.store.stamps_ns())
     np.testing.assert_array_equal(store.pixels(2)[1], room.store.pixels(2)[1])

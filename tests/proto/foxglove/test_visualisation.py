@@ -44,7 +44,7 @@ def test_embedded_schemas_are_those_published_and_read_every_message(log):
         f"foxglove.{name}"
         for name in (
             *("CompressedImage", "CameraCalibration", "FrameTransform", "PoseInFrame"),
-            *("SceneUpdate", "Log", "Grid"),
+            *("Odometry", "SceneUpdate", "Log", "Grid"),
         )
     }
 

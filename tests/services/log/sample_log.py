@@ -7,6 +7,7 @@ import numpy as np
 
 from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import encode
+from hsslam_proto.foxglove.poses import DrawnPoses
 from hsslam_proto.foxglove.visualisation import viz_blocks, viz_calibration, viz_messages
 from hsslam_proto.mesh.codec import block_triangles
 from hsslam_services.log.frame_compression import compress_frame
@@ -22,14 +23,15 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
     """`count` frames and poses 0.1 s apart, a keyframe every 5, a correction, two meshes, a grid, an event.
 
     `second_epoch_at`: from this frame on poses and keyframes are of another map."""
-    log = PartedLog(folder, "r", LogSettings(color, **settings))
+    log, drawn = PartedLog(folder, "r", LogSettings(color, **settings)), DrawnPoses()
 
     def put(topic, message, index):
         if second_epoch_at is not None and index >= second_epoch_at and topic in _OF_MAP:
             message = msgspec.structs.replace(message, map_epoch=1)
         at = START_NS + PERIOD_NS * index
         log.write(topic, encode(topic, message), at, at - 1000, index)
-        for viz in viz_messages(message, at):
+        is_pose = isinstance(message, messages.Pose)
+        for viz in drawn.of(message) if is_pose else viz_messages(message, at):
             log.write_viz(viz, at, at)
 
     for index in range(count):

@@ -11,6 +11,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from hsslam_proto import run_messages, topics
 from hsslam_proto.codec import encode
+from hsslam_proto.foxglove.poses import DrawnPoses
 from hsslam_proto.foxglove.visualisation import viz_calibration, viz_messages
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
@@ -39,9 +40,11 @@ def test_the_public_reader_finds_exact_payloads(tmp_path):
 def test_the_viz_layer_is_foxglove_protobuf(tmp_path):
     log = McapLog(tmp_path / "run.mcap", "r")
     event = run_messages.Event(process="mapper", level="warning", text="slow", stamp_ns=7)
-    for message in (frame(3, compressed=True), pose(3), pose(4, status="lost"), mesh(), event):
-        for viz in viz_messages(message, 50):
-            log.write_viz(viz, 50, 40)
+    drawn = DrawnPoses()
+    poses = [*drawn.of(pose(3)), *drawn.of(pose(4, status="lost"))]
+    others = (frame(3, compressed=True), mesh(), event)
+    for viz in poses + [viz for message in others for viz in viz_messages(message, 50)]:
+        log.write_viz(viz, 50, 40)
     log.write_viz(viz_calibration(frame(3)), 50, 40)
     log.close()
     with (tmp_path / "run.mcap").open("rb") as stream:
@@ -53,6 +56,7 @@ def test_the_viz_layer_is_foxglove_protobuf(tmp_path):
         "/viz/camera/calibration": "foxglove.CameraCalibration",
         "/viz/tf": "foxglove.FrameTransform",
         "/viz/pose": "foxglove.PoseInFrame",
+        "/viz/odometry": "foxglove.Odometry",
         "/viz/mesh": "foxglove.SceneUpdate",
         "/viz/log": "foxglove.Log",
     }

@@ -1,6 +1,7 @@
 """What ROS 2 hears of a real run, beside the poses in the log of the run."""
 
 import signal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from hsslam_services.ros2.initial_pose import KIND, TOPIC
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import TopicName
 from hsslam_services.security.credentials import client_settings
+from tests.services.recorded import read_viz
 from tests.services.ros2.ros_listener import Heard, RosListener, gid_of
 from tests.services.serve_process import SMALL_ROOM
 
@@ -87,6 +89,7 @@ def test_a_run_is_told_to_ros(serve, own_address, tmp_path):
     _expect_graph(heard, tokens)
     _expect_poses(heard, logged)
     _expect_mount(heard["/tf_static"])
+    _expect_layer(read_viz(run.out / "run.mcap"), heard["/tf"])
     _expect_path(heard["/hsslam/path"], logged)
     _expect_points(heard["/hsslam/points"], logged)
     _expect_map(heard["/hsslam/map"], logged)
@@ -151,6 +154,24 @@ def _expect_poses(heard: dict[str, list[Heard]], logged: dict[int, Pose]) -> Non
             assert np.any(told.twist.covariance)
             assert np.linalg.norm(moved_m) < 0.2  # no jump
         before = ours.index, stamp_ns, T_odom_base
+
+
+def _expect_layer(viz: dict[str, list], heard: list[Heard]) -> None:
+    """The log has the transforms of /tf for Foxglove, between its world and its camera."""
+    told = _by_stamp(heard)
+    of: dict[str, dict[int, Any]] = {}
+    for one in viz["/viz/tf"]:
+        of.setdefault(one.child_frame_id, {})[one.timestamp.ToNanoseconds()] = one
+    assert {child: {one.parent_frame_id for one in at.values()} for child, at in of.items()} == {
+        "map": {"world"},
+        "odom": {"map"},
+        "base_link": {"odom"},
+        "camera": {"base_link"},
+    }
+    for stamp_ns, tf in told.items():
+        for one in tf.transforms:
+            logged = _matrix(of[one.child_frame_id][stamp_ns])
+            np.testing.assert_allclose(_matrix(one.transform), logged, atol=1e-9)
 
 
 def _expect_mount(heard: list[Heard]) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from hsslam_proto.foxglove.poses import DrawnPoses
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from tests.services.wire_samples import blocks, frame, grid, pose
 
@@ -14,7 +15,7 @@ _HOUR_NS = 3600 * 10**9
 def test_the_log_has_the_time_of_arrival_and_the_stamp_of_the_sensor():
     layer, written = _layer()
     layer.add(msgspec.structs.replace(pose(0), stamp_ns=7), 50)
-    assert [times for _, *times in written] == [[50, 7], [50, 7]]  # /viz/tf and /viz/pose
+    assert [times for _, *times in written] == [[50, 7]] * 3  # /viz/tf, /viz/pose, /viz/odometry
 
 
 def test_a_new_map_clears_the_blocks_of_the_old_one_though_the_sensor_is_an_hour_late():
@@ -24,7 +25,7 @@ def test_a_new_map_clears_the_blocks_of_the_old_one_though_the_sensor_is_an_hour
     layer.write_blocks(at_once=True)
     late = msgspec.structs.replace(pose(0), stamp_ns=begin_ns - _HOUR_NS, map_epoch=1)
     layer.add(late, begin_ns)
-    (_, drawn_ns, _), (update, cleared_ns, _) = written[-4:-2]
+    (_, drawn_ns, _), (update, cleared_ns, _) = written[-5:-3]
     assert begin_ns <= drawn_ns <= cleared_ns
     assert update.deletions[0].timestamp.ToNanoseconds() == cleared_ns
 
@@ -58,4 +59,4 @@ def _layer() -> tuple[FoxgloveLayer, list[tuple[Any, int, int]]]:
     def write(viz, log_ns, stamp_ns):
         written.append((viz.schema.FromString(viz.payload), log_ns, stamp_ns))
 
-    return FoxgloveLayer(write), written
+    return FoxgloveLayer(write, DrawnPoses()), written
