@@ -162,7 +162,8 @@ class DenseMap:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] float32 m as seen from T_world_cam [4, 4].
 
-        Pixels without a surface are black, with depth 0.
+        Pixels without a surface are black, with depth 0. A surface that keyframes saw through later is not
+        shown, unless the map is an old one without images. The first call reads the depth of the keyframes.
 
         Args:
             T_world_cam: pose of the view.
@@ -181,7 +182,8 @@ class DenseMap:
                 f"camera.distortion = {list(camera.distortion)}: expected a camera without a lens, such as "
                 "Camera.undistorted()"
             )
-        depth_m = self._rays.depth(camera, T)
+        has_depth = len(self._keyframes) > 0 and self._keyframes.color is not None
+        depth_m = self._rays.depth(camera, T, self._seen.is_not_gone if has_depth else None)
         images = self._keyframes.posed_images if from_keyframes else None
         if images is None:
             color = 255 * self._renderer.render(depth_m, camera, T)[0]

@@ -49,12 +49,16 @@ class SeenCells(NamedTuple):
         return seen
 
     def may_have_surface(self, points: np.ndarray) -> np.ndarray:
-        """Mask [N] of the points [N, 3] m that a keyframe saw, and that are not free space by later ones.
+        """Mask [N] of the points [N, 3] m that a keyframe saw, and that are not free space by later ones."""
+        return self.saw(points) & self.is_not_gone(points)
+
+    def is_not_gone(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] m that are not free space by later keyframes.
 
         The field keeps the surface of an object that was carried off.
         """
         found = self.distances.query(points)
-        return self.saw(points) & ~(found.known & (found.distance_m > GONE_M))
+        return ~(found.known & (found.distance_m > GONE_M))
 
 
 def certainty_of(information: np.ndarray) -> np.ndarray:

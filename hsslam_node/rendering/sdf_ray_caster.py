@@ -33,11 +33,17 @@ class SdfRayCaster:
         self._bound = bound
         self._truncation_m = truncation_m
 
-    def depth(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
+    def depth(
+        self,
+        camera: Camera,
+        T_world_cam: np.ndarray,
+        counts: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> np.ndarray:
         """Planar depth [H, W] float32 m of the surface from T_world_cam [4, 4]; 0: none.
 
         Every fourth ray of every fourth row starts at the camera. The others start in front of the nearest
-        surface that these found around them, if they start in free space there.
+        surface that these found around them, if they start in free space there. `counts`: as for `distances`;
+        None: all surfaces count.
         """
         shape = (camera.height_px, camera.width_px)
         v, u = np.mgrid[: shape[0], : shape[1]]
@@ -51,32 +57,45 @@ class SdfRayCaster:
         ahead = before > near
         ahead[ahead] = self._ask(origins[ahead], rays[ahead], before[ahead]) > 0
         start = np.where(ahead, before, near)
-        return self._march_image(origins, rays, start, far).astype(np.float32)
+        if counts is None:
+            return self._march_image(origins, rays, start, far).astype(np.float32)
+        flat = origins.reshape(-1, 3), rays.reshape(-1, 3), start.ravel(), far.ravel()
+        return self._first(*flat, counts).reshape(shape).astype(np.float32)
 
     def distances(
         self,
         origins: np.ndarray,
         directions: np.ndarray,
         most_m: float,
-        is_seen: Callable[[np.ndarray], np.ndarray],
+        counts: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
         """Distances [R] m from origins [R, 3] m along unit directions [R, 3] to the surface; 0: none.
 
-        `is_seen`: mask [N] of the places [N, 3] m at which a surface counts; a ray passes through others.
+        `counts`: mask [N] of the places [N, 3] m at which a surface counts; a ray passes through others.
         """
         near, far = self._reach(origins, directions)
         # one step more, as that may end behind a surface
         far = np.minimum(far, most_m + self._truncation_m)
-        distance_m = np.zeros(len(origins))
-        left, start = np.arange(len(origins)), np.maximum(near, 0.0)
+        distance_m = self._first(origins, directions, np.maximum(near, 0.0), far, counts)
+        return np.where(distance_m <= most_m, distance_m, 0.0)
+
+    def _first(
+        self,
+        origins: np.ndarray,
+        rays: np.ndarray,
+        z: np.ndarray,
+        far: np.ndarray,
+        counts: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """Depths [R] of the first surface that counts; 0: none."""
+        depth, left = np.zeros(len(rays)), np.arange(len(rays))
         for _ in range(_MOST_CASTS):
-            found = self._march(origins[left], directions[left], start, far[left])
-            hit = (found > 0) & (found <= most_m)
-            left, found = left[hit], found[hit]
-            counts = is_seen(origins[left] + found[:, None] * directions[left])
-            distance_m[left[counts]] = found[counts]
-            left, start = left[~counts], found[~counts] + _SHORTEST_STEP * self._truncation_m
-        return distance_m
+            found = self._march(origins[left], rays[left], z, far[left])
+            left, found = left[found > 0], found[found > 0]
+            real = counts(origins[left] + found[:, None] * rays[left])
+            depth[left[real]] = found[real]
+            left, z = left[~real], found[~real] + _SHORTEST_STEP * self._truncation_m
+        return depth
 
     def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths [...] at which rays [..., 3] enter and leave the bound; from too far away none enters."""

@@ -180,7 +180,13 @@ def test_a_surface_that_keyframes_saw_through_later_is_gone():
     def ends_there(one_map: DenseMap) -> np.ndarray:
         return np.abs(one_map.raycast(origins, ray).distance_m - length_m) < 0.04
 
+    def shows_it(one_map: DenseMap) -> np.ndarray:
+        depth_m = one_map.render(room_poses()[4], from_keyframes=False)[1]
+        measured_m = whole.depth_m(k)
+        return np.abs(depth_m - measured_m)[measured_m > 0] < 0.04
+
     assert ends_there(there).mean() > 0.9 and ends_there(gone).mean() < 0.3
+    assert shows_it(there).mean() > 0.9 and shows_it(gone).mean() < 0.3
     balls = Spheres(points[::20], 0.03)
     assert there.is_free(balls).mean() < 0.1 and gone.is_free(balls).mean() > 0.5
 

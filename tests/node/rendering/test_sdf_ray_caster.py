@@ -68,3 +68,9 @@ def test_a_ray_goes_on_behind_a_surface_that_does_not_count():
     np.testing.assert_allclose(cast(9.0, 0.0), [2.0, 2.2], atol=5e-3)
     assert cast(9.0, 0.0)[1] == cast(9.0, -9.0)[1]
     assert not cast(1.9, 0.0).any() and not cast(9.0, 9.0).any()
+    T = np.eye(4)
+    T[2, 3] = -1.0
+    behind = caster.depth(_CAMERA, T, lambda places: places[:, 2] > 0.0)
+    alone = SdfRayCaster(_sphere, _BOUND, _TRUNCATION_M).depth(_CAMERA, T)
+    assert np.abs(caster.depth(_CAMERA, T) - alone).max() > 0.5
+    np.testing.assert_allclose(behind, alone, atol=2e-3)
