@@ -1,10 +1,11 @@
-"""Writes base.lock, dev.lock and ros2.lock, or checks that they fit pyproject.toml and torch.txt.
+"""Writes base.lock, dev.lock, ros2.lock and batch.lock, or checks that they fit pyproject.toml and torch.txt.
 
 python requirements/lock.py UV [--check | --upgrade]
 
 A lock holds everything but PyTorch and what only PyTorch brings, with hashes, for every platform and
-Python 3.11 or newer; ros2.lock holds what the extra ros2 adds to base.lock. Pins stay as they are until
---upgrade. The settings of pip and uv are ignored: the packages are those of PyPI, as everybody gets them.
+Python 3.11 or newer. ros2.lock holds what the extra ros2 adds to base.lock; batch.lock what the extra batch
+and batch_image.txt add. Pins stay as they are until --upgrade. The settings of pip and uv are ignored: the
+packages are those of PyPI, as everybody gets them.
 """
 
 import argparse
@@ -21,6 +22,7 @@ LOCKS = {  # name: what it adds to the base
     "base.lock": [],
     "dev.lock": ["--extra", "dev"],
     "ros2.lock": ["--extra", "ros2"],
+    "batch.lock": ["--extra", "batch", str(FOLDER / "batch_image.txt")],
 }
 
 _HEADER = """\
@@ -28,7 +30,10 @@ _HEADER = """\
 # {}
 """
 _ALL = "Everything but PyTorch and what only PyTorch brings."
-_ADDED = "What the extra ros2 adds to base.lock."
+_ADDED = {  # to base.lock
+    "ros2.lock": "What the extra ros2 adds to base.lock.",
+    "batch.lock": "What the extra batch and batch_image.txt add to base.lock.",
+}
 
 
 def main() -> None:
@@ -79,8 +84,7 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
         )  # fmt: skip
         texts = {}
         for name, extra in LOCKS.items():
-            is_added = name == "ros2.lock"
-            if is_added:
+            if name in _ADDED:
                 without.write_text("\n".join(["torch", *_names(texts["base.lock"])]))
             target = Path(folder) / name
             old = ROOT / FOLDER / name
@@ -91,7 +95,7 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
             )  # fmt: skip
             lines = target.read_text().splitlines(keepends=True)
             kept = [line for line in lines if not line.endswith(f"-c {everything}\n")]
-            texts[name] = _HEADER.format(_ADDED if is_added else _ALL) + "".join(kept)
+            texts[name] = _HEADER.format(_ADDED.get(name, _ALL)) + "".join(kept)
     return texts
 
 
