@@ -10,18 +10,16 @@ import shutil
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from hsslam_batch.plan.find_logs import planned_files
+from hsslam_batch.plan.find_logs import names_beside, planned_files
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import asked_listing, open_store
 from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError
-from hsslam_node.sources.source_row import find_row
 from hsslam_services.commands.cli import exit_code
-from hsslam_services.run.source_table import ALL_SOURCES
 
 _PART_BYTES = 8 << 20  # of one request
 _AT_ONCE = 8  # files
@@ -84,13 +82,12 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
 
 def _files_beside(log: Log, store: Any, patience_s: float) -> Iterator[tuple[str, int]]:
     """URL and size of each file beside a log that its kind of source may read, such as a camera that several
-    scenes share. The plan does not know them: they may be missing, or not open to this user."""
-    row = find_row(log.source, ALL_SOURCES)
-    parent, _, name = log.place.rstrip("/").rpartition("/")
-    if row is None or parent.endswith(":/"):  # a whole bucket has none beside it
+    scenes share. They may be missing, new since the plan, or not open to this user."""
+    parent = log.place.rstrip("/").rpartition("/")[0]
+    if parent.endswith(":/"):  # a whole bucket has none beside it
         return
-    for pattern in row.beside:
-        url = f"{parent}/{pattern.format(name=name, stem=PurePosixPath(name).stem)}"
+    for name in names_beside(log.source):
+        url = f"{parent}/{name}"
         with contextlib.suppress(FileNotFoundError, PermissionError):
             yield url, int(tried(url, functools.partial(store.info, url), patience_s)["size"])
 

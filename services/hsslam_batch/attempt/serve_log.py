@@ -124,7 +124,7 @@ def _attempt(
     here = log
     if is_url(log.place):
         too_large = log.nbytes > 1e9 * terms.fetch_gb  # the fetch refuses it
-        nbytes = 0 if too_large else log.nbytes
+        nbytes = 0 if too_large else log.nbytes + log.beside_nbytes
         try:
             room = at_end.enter_context(room_for(nbytes, place.fetched, lambda: _pause(cancel_fds)))
         except OSError as error:

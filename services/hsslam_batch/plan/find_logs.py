@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
 from hsslam_batch.plan.listing import FileStamp, ListedPath, Listing
@@ -11,7 +11,7 @@ from hsslam_batch.plan.log import Log, log_id
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source_row import SourceRow
+from hsslam_node.sources.source_row import SourceRow, find_row
 from hsslam_proto.topics import FRAME
 from hsslam_services.artefacts.replaced_results import EARLIER
 from hsslam_services.camera.open_source import open_any_source
@@ -60,6 +60,7 @@ def find_logs(listing: Listing) -> list[Log]:
                 nbytes=stamp.nbytes,
                 version=stamp.version,
                 frames=0,
+                beside_nbytes=_beside_nbytes(listing, path, f"{kind}:{place}"),
             )
         )
     if not found:
@@ -83,6 +84,14 @@ def log_files(listing: Listing, path: str, kind: str) -> list[str]:
         return list(listing.below(path))
     folder = f"{path}/" if path else ""
     return [folder + name for name in listing.names(path) if is_part(name)]
+
+
+def names_beside(source: str) -> list[str]:
+    """Names of the files beside a recording that its kind of source may read; they may be missing."""
+    row = find_row(source, ALL_SOURCES)
+    name = source.rstrip("/").rpartition("/")[2]
+    stem = PurePosixPath(name).stem
+    return [pattern.format(name=name, stem=stem) for pattern in row.beside] if row else []
 
 
 def planned_files(listing: Listing, log: Log) -> list[str]:
@@ -112,6 +121,13 @@ def _logs_below(listing: Listing, path: str) -> Iterator[tuple[str, str]]:
         return
     for name in listing.names(path):
         yield from _logs_below(listing, f"{path}/{name}" if path else name)
+
+
+def _beside_nbytes(listing: Listing, path: str, source: str) -> int:
+    """Bytes of the files beside a log; those of a log that is the root itself are not listed."""
+    folder, slash, _ = path.rpartition("/")
+    beside = (f"{folder}{slash}{name}" for name in names_beside(source))
+    return sum(listing.files[one].nbytes for one in beside if one in listing.files) if path else 0
 
 
 def _recovered_from(listing: Listing, path: str) -> str | None:

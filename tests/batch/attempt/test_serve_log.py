@@ -15,9 +15,11 @@ from hsslam_batch.cluster.command import waiting_tries
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.find_logs import find_logs
+from hsslam_batch.plan.listing import FileStamp, Listing
 from hsslam_batch.plan.log import Log, read_manifest, write_manifest
 from hsslam_batch.results.status import status_command
-from tests.batch.object_store import reach
+from tests.batch.object_store import BUCKET, reach
 from tests.batch.outcomes import planned
 
 
@@ -96,6 +98,29 @@ def test_a_disk_without_room_is_not_the_fault_of_the_log(
     assert (outcome.kind, outcome.exit_code) == ("unavailable", 1) and not folder.exists()
     said = f"{tmp_path / 'scratch'}: 0.0 MB free, 0.0 MB needed: expected a folder with room (--scratch)"
     assert outcome.reason == said
+
+
+def test_files_beside_a_log_want_room_on_the_disk_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A sequence of 30 bytes with a mesh of 1 MB, and a disk on which only the sequence fits."""
+    batch = planned(tmp_path / "out", frames=(100,))
+    sizes = {
+        "room0/traj.txt": 10,
+        "room0/results/frame000000.jpg": 20,
+        "cam_params.json": 10,
+        "room0_mesh.ply": 1_000_000,
+        "room1_mesh.ply": 1_000_000,
+    }
+    files = {name: FileStamp(nbytes, "1") for name, nbytes in sizes.items()}
+    found = find_logs(Listing(f"s3://{BUCKET}/archive", files))
+    write_manifest(batch.out, found)
+    (log,) = read_manifest(batch.out)
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=900_000))
+    outcome = serve_log(batch, log, Terms(1, 0, Limits(), tmp_path / "scratch"))
+    said = "0.9 MB free, 1.0 MB needed: expected a folder with room (--scratch)"
+    assert outcome.kind == "unavailable" and outcome.reason.endswith(said), outcome.reason
 
 
 @pytest.mark.alone
