@@ -97,9 +97,9 @@ def loose_pools() -> set[Path]:
     return found.difference(*(pools_of(pid) for pid in psutil.pids()))
 
 
-def nothing_left(batch: Batch) -> bool:
-    """Whether no process and no shared memory of any run is left."""
-    return not of_batch(batch) and not arenas(batch)
+def nothing_left(batch: Batch, pools: set[Path]) -> bool:
+    """Whether no process and no shared memory of any run is left; `pools`: those loose before the batch."""
+    return not of_batch(batch) and not arenas(batch) and loose_pools() <= pools
 
 
 def trajectories(batch: Batch) -> dict[str, bytes]:

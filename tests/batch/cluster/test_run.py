@@ -54,7 +54,9 @@ def batch(tmp_path: Path) -> Batch:
     return read_batch(str(tmp_path / "out"))
 
 
-def test_a_cluster_makes_what_one_makes_by_hand(cluster, batch: Batch, tmp_path: Path):
+def test_a_cluster_makes_what_one_makes_by_hand(
+    cluster, batch: Batch, tmp_path: Path, pools: set[Path]
+):
     for _ in range(3):
         add_node(cluster)
     said = end(run := start(batch, "--address", cluster.address))
@@ -67,7 +69,7 @@ def test_a_cluster_makes_what_one_makes_by_hand(cluster, batch: Batch, tmp_path:
         *((f"good{k}", "done") for k in range(3)),
     ]
     assert all(row["attempt"] == 1 for row in rows)
-    assert nothing_left(batch) and not batch.work.exists()
+    assert nothing_left(batch, pools) and not batch.work.exists()
     events = [json.loads(line) for line in (batch.out / "progress.jsonl").read_text().splitlines()]
     assert [e["event"] for e in events].count("done") == 3 and events[-1]["left"] == 0
 
@@ -78,7 +80,7 @@ def test_a_cluster_makes_what_one_makes_by_hand(cluster, batch: Batch, tmp_path:
     assert read_runs(batch.out) == rows
 
 
-def test_a_killed_run_is_tried_again(batch: Batch):
+def test_a_killed_run_is_tried_again(batch: Batch, pools: set[Path]):
     run = start(batch, "--parallel", "1")
     killed = set()
 
@@ -95,10 +97,10 @@ def test_a_killed_run_is_tried_again(batch: Batch):
     said = end(run)
     assert run.returncode == 3 and "3 done, 1 failed" in said
     assert sorted(row["attempt"] for row in read_runs(batch.out)) == [1, 1, 1, 2]
-    assert nothing_left(batch)
+    assert nothing_left(batch, pools)
 
 
-def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
+def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch, pools: set[Path]):
     run = start(batch, "--parallel", "1")
     wait(lambda: arenas(batch) or run.poll() is not None)
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGHUP):  # the terminal is closed meanwhile
@@ -107,21 +109,21 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     assert run.returncode == 1 and "no more logs start" in said and "left" in said
     rows = read_runs(batch.out)
     assert sum(row["kind"] == "done" for row in rows) == 1
-    assert nothing_left(batch)
+    assert nothing_left(batch, pools)
 
     second = start(batch, "--parallel", "1")
     wait(lambda: arenas(batch) or second.poll() is not None)
     os.kill(second.pid, signal.SIGKILL)
     end(second)
-    wait(lambda: nothing_left(batch))
+    wait(lambda: nothing_left(batch, pools))
 
     said = end(third := start(batch))
     assert third.returncode == 3 and "3 done, 1 failed, 0 left" in said
     assert next(row["name"] for row in rows if row["kind"] == "done") in trajectories(batch)
-    assert len(read_runs(batch.out)) == 4 and nothing_left(batch)
+    assert len(read_runs(batch.out)) == 4 and nothing_left(batch, pools)
 
 
-def test_a_second_ctrl_c_ends_running_logs_which_count_as_not_tried(batch: Batch):
+def test_a_second_ctrl_c_ends_running_logs_which_count_as_not_tried(batch: Batch, pools: set[Path]):
     run = start(batch, "--parallel", "1")
     wait(lambda: services(batch) or run.poll() is not None)
     (service,) = services(batch)
@@ -134,7 +136,7 @@ def test_a_second_ctrl_c_ends_running_logs_which_count_as_not_tried(batch: Batch
     said = run.stdout.read()
     assert run.wait(LONG_S) == 1 and "Traceback" not in said, said
     service.resume()
-    wait(lambda: nothing_left(batch))
+    wait(lambda: nothing_left(batch, pools))
     rows = all_settled(batch, read_manifest(batch.out)).values()
     assert [(row.name, row.kind) for row in rows] == [("damaged", "bad input")]  # it was first
 
@@ -143,27 +145,27 @@ def test_a_second_ctrl_c_ends_running_logs_which_count_as_not_tried(batch: Batch
     assert all(row["attempt"] == 1 for row in read_runs(batch.out))
 
 
-def test_running_logs_finish_if_nobody_reads_the_answer_to_ctrl_c(batch: Batch):
+def test_running_logs_finish_if_nobody_reads_the_answer_to_ctrl_c(batch: Batch, pools: set[Path]):
     run = start_unread(batch, "--parallel", "1")
     wait(lambda: arenas(batch) or run.poll() is not None)
     run.send_signal(signal.SIGINT)
     assert run.wait(LONG_S) == 1
     kinds = {row["name"]: row["kind"] for row in read_runs(batch.out)}
     assert kinds == {"damaged": "bad input", "good0": "done"}
-    assert nothing_left(batch)
+    assert nothing_left(batch, pools)
 
 
-def test_a_stop_while_ray_starts_begins_no_log(batch: Batch):
+def test_a_stop_while_ray_starts_begins_no_log(batch: Batch, pools: set[Path]):
     run = start(batch)
     wait(lambda: catches(run.pid, signal.SIGTERM) or run.poll() is not None)
     run.send_signal(signal.SIGTERM)
     said = end(run)
     assert run.returncode == 1 and "Traceback" not in said, said
-    assert nothing_left(batch) and not (batch.out / "runs").exists()
+    assert nothing_left(batch, pools) and not (batch.out / "runs").exists()
 
 
 def test_a_store_that_is_away_for_a_while_costs_no_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pools: set[Path]
 ):
     """It goes away while the first result is uploaded, for longer than an attempt waits."""
     faults = Faults(1000, of_all=True)
@@ -188,13 +190,13 @@ def test_a_store_that_is_away_for_a_while_costs_no_log(
             events = (batch.out / "progress.jsonl").read_text().splitlines()
             again = [event for event in map(json.loads, events) if event["event"] == "again"]
             assert again and all(event["kind"] == "unavailable" for event in again)
-            assert nothing_left(batch)
+            assert nothing_left(batch, pools)
         finally:
             shutil.rmtree(batch.out)
 
 
 def test_logs_and_results_in_a_store_that_fails_now_and_then(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pools: set[Path]
 ):
     with object_store() as (server, client), faulty(server, Faults(10, of_all=True)) as address:
         for k in range(2):
@@ -224,7 +226,7 @@ def test_logs_and_results_in_a_store_that_fails_now_and_then(
             ]
             events = client.get_object(Bucket=BUCKET, Key="out/progress.jsonl")["Body"].read()
             assert json.loads(events.splitlines()[-1])["left"] == 0
-            assert nothing_left(batch) and not batch.work.exists()
+            assert nothing_left(batch, pools) and not batch.work.exists()
 
             said = end(again := start(batch))
             assert again.returncode == 0 and "2 done, 0 failed, 0 left" in said

@@ -7,7 +7,7 @@ import contextlib
 import os
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.runs_of_batch import (
     by_hand,
     end,
-    loose_pools,
     nothing_left,
     services,
     start,
@@ -57,18 +56,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def expected(logs: Path) -> dict[str, bytes]:
     """The trajectories that a user makes by hand."""
     return by_hand(_planned(logs, logs.parent / "hand"), logs.parent / "runs")
-
-
-@pytest.fixture(autouse=True)
-def expect_no_pool() -> Iterator[Callable[[], None]]:
-    """A function that expects no more pools of zenoh than before the test; called once more at its end."""
-    before = loose_pools()
-
-    def expect() -> None:
-        assert loose_pools() <= before
-
-    yield expect
-    expect()
 
 
 class _Nodes:
@@ -110,19 +97,21 @@ def _is_zombie(process: psutil.Process) -> bool:
         return True
 
 
-def _expect_whole(batch: Batch, run: subprocess.Popen[str], expected: dict[str, bytes]) -> None:
+def _expect_whole(
+    batch: Batch, run: subprocess.Popen[str], expected: dict[str, bytes], pools: set[Path]
+) -> None:
     said = end(run)
     assert run.returncode == 0 and f"{_LOGS} done, 0 failed, 0 left" in said, said
     assert "raylet" not in said
     assert trajectories(batch) == expected
     rows = read_runs(batch.out)
     assert sorted(row["name"] for row in rows) == sorted(expected)  # one row a log
-    wait(lambda: nothing_left(batch))
+    wait(lambda: nothing_left(batch, pools))
     assert not batch.work.exists() and not [*batch.out.glob("failed/*")]
 
 
 @pytest.mark.parametrize("victim", ["run", "worker", "node"])
-def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, victim: str):
+def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, pools, victim: str):
     batch, nodes = _planned(logs, tmp_path / "out"), _Nodes(cluster)
     kill: dict[str, Callable[[psutil.Process], None]] = {
         "run": lambda service: service.kill(),
@@ -132,12 +121,12 @@ def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, 
     at_once = "1" if victim == "node" else "2"  # another log could end while a node starts
     run = start(batch, "--address", cluster.address, "--parallel", at_once, *_RETRIES)
     killed = _kill_while(batch, run, kill[victim])
-    _expect_whole(batch, run, expected)
+    _expect_whole(batch, run, expected, pools)
     assert killed == _KILLS
     assert sum(row["attempt"] - 1 for row in read_runs(batch.out)) == _KILLS
 
 
-def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path, expect_no_pool):
+def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path, pools):
     batch = _planned(logs, tmp_path / "out")
     _Nodes(cluster)
     done: dict[str, int] = {}
@@ -147,10 +136,9 @@ def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path, exp
         assert run.poll() is None
         os.kill(run.pid, signal.SIGKILL)
         end(run)
-        wait(lambda: nothing_left(batch))
-        expect_no_pool()
+        wait(lambda: nothing_left(batch, pools))
         done |= _done_ns(batch)
-    _expect_whole(batch, start(batch, "--address", cluster.address), expected)
+    _expect_whole(batch, start(batch, "--address", cluster.address), expected, pools)
     assert {log_id: _done_ns(batch)[log_id] for log_id in done} == done  # not made again
 
 
