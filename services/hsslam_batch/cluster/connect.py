@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from hsslam_batch.cluster.ray_head import expect_ray_head
 from hsslam_node.errors import UserError
 
 _STORE_BYTES = 80 << 20  # Ray's minimum; a result has some hundred bytes
@@ -26,6 +27,7 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
     Raises:
         UserError: no Ray at the address, or one of another version.
     """
+    expect_ray_head(address)
     os.environ.update(QUIET)
     import ray
 
@@ -34,9 +36,8 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
     except SystemExit:  # Ray's handler of SIGTERM
         raise KeyboardInterrupt from None
     except Exception as error:  # Ray raises many types, also Exception itself
-        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
-            f"--address {address}: {reason}: expected local, auto (a cluster of this machine), "
+            f"--address {address}: {_reason(error)}: expected local, auto (a cluster of this machine), "
             "HOST:PORT or ray://HOST:PORT (with RAY_AUTH_MODE=token in the environment if the cluster wants "
             "a token)"
         ) from None
@@ -45,6 +46,12 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
             yield
     finally:
         ray.shutdown()
+
+
+def _reason(error: Exception) -> str:
+    """One line; of an error that holds the traceback of a server, the last one."""
+    first, *more = str(error).strip().splitlines() or [type(error).__name__]
+    return more[-1] if first.endswith(":") and more else first
 
 
 @contextlib.contextmanager

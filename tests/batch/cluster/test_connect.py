@@ -1,5 +1,9 @@
 """Ray of this machine gets more than one chance to start; a cluster that is not there gets one."""
 
+import socket
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+
 import pytest
 
 from hsslam_batch.cluster.connect import connected
@@ -28,10 +32,59 @@ def test_ray_that_takes_too_long_to_start_is_started_again(starts: list[str]):
         assert starts == ["local"] * 3
 
 
-def test_a_cluster_that_does_not_answer_is_one_line(starts: list[str]):
+def test_a_cluster_that_refuses_is_asked_once(starts: list[str]):
     with (
-        pytest.raises(UserError, match=r"^--address here:1: The current node timed out.*: exp"),
-        connected("here:1"),
+        pytest.raises(UserError, match=r"^--address here: The current node timed out.*: exp"),
+        connected("here"),
     ):
         pass
-    assert starts == ["here:1"]
+    assert starts == ["here"]
+
+
+def test_the_error_of_a_server_is_its_last_line(monkeypatch: pytest.MonkeyPatch):
+    import ray
+
+    def init(address: str, **_: object) -> None:
+        raise ConnectionAbortedError(
+            "Failure from server:\nTraceback:\n  f()\nRuntimeError: busy\n"
+        )
+
+    monkeypatch.setattr(ray, "init", init)
+    with (
+        pytest.raises(UserError, match=r"^--address here: RuntimeError: busy: exp"),
+        connected("here"),
+    ):
+        pass
+
+
+def _refusal(address: str) -> str:
+    """The error at an address; Ray is not asked, as it would try for minutes."""
+    with pytest.raises(UserError) as raised, connected(address):
+        pass
+    return str(raised.value)
+
+
+def test_a_cluster_that_is_not_there_is_one_line_at_once(
+    starts: list[str], monkeypatch: pytest.MonkeyPatch
+):
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    wanted = "Connection refused: expected a running Ray head, as of `ray start --head"
+    here = f"127.0.0.1:{port}"
+    refused = f"--address {here}: {wanted} --port {port}` on 127.0.0.1"
+    assert _refusal(here) == refused
+    refused = f"--address ray://{here}: {wanted} --ray-client-server-port {port}` on 127.0.0.1"
+    assert _refusal(f"ray://{here}") == refused
+    monkeypatch.setenv("RAY_ADDRESS", here)
+    assert _refusal("auto").startswith(f"--address auto (RAY_ADDRESS {here}): {wanted}")
+    assert not starts
+
+
+def test_a_port_on_which_something_else_answers_is_one_line(starts: list[str]):
+    with ThreadingHTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        here = f"127.0.0.1:{server.server_port}"
+        told = f"--address {here}: what answers there is not Ray: expected a running Ray head"
+        assert _refusal(here).startswith(told)
+        server.shutdown()
+    assert not starts
