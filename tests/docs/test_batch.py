@@ -4,9 +4,12 @@ import json
 import re
 import shlex
 import subprocess
-from typing import Any
+from typing import Any, Literal
 
+import msgspec
+import pytest
 import yaml
+from hera.workflows import models
 
 from hsslam_batch.options import RunOptions, WorkOptions
 from hsslam_services.commands.cli import parse_options
@@ -32,11 +35,9 @@ def test_aws_accepts_definition_and_job():
 
 
 def test_argo_knows_every_field_of_its_workflow():
-    from hera.workflows.models import Workflow
-
     text, _ = _blocks("yaml")
     workflow = yaml.safe_load(text)
-    read = Workflow.model_validate(workflow)
+    read = models.Workflow.model_validate(workflow)
     assert _unread(workflow, read.model_dump(by_alias=True, mode="json")) == []
     logs, work = workflow["spec"]["templates"]
     assert logs["steps"][0][0]["template"] == work["name"]
@@ -89,14 +90,88 @@ def test_the_image_of_the_jobs_is_that_of_the_dockerfile():
     assert all(f"image: {image}\n" in text for text in _blocks("yaml"))
 
 
+class _Form(msgspec.Struct, forbid_unknown_fields=True, rename="camel"):
+    """The fields of KubeRay that the job uses."""
+
+
+class _PodSpec(_Form):
+    security_context: dict[str, Any]
+    containers: list[dict[str, Any]]
+    volumes: list[dict[str, Any]]
+
+
+class _Pod(_Form):
+    spec: _PodSpec
+
+
+class _Group(_Form):
+    ray_start_params: dict[str, str]
+    template: _Pod
+
+
+class _Workers(_Group):
+    group_name: str
+    replicas: int
+    min_replicas: int
+    max_replicas: int
+
+
+class _Cluster(_Form):
+    head_group_spec: _Group
+    worker_group_specs: list[_Workers]
+
+
+class _JobSpec(_Form):
+    entrypoint: str
+    shutdown_after_job_finishes: bool
+    ray_cluster_spec: _Cluster
+
+
+class _Job(_Form):
+    api_version: Literal["ray.io/v1"]
+    kind: Literal["RayJob"]
+    metadata: dict[str, Any]
+    spec: _JobSpec
+
+
+def _ray_job(text: str) -> _JobSpec:
+    """The job; an error if it has a field that KubeRay or Kubernetes does not know."""
+    job = msgspec.convert(yaml.safe_load(text), _Job)
+    cluster = job.spec.ray_cluster_spec
+    _expect_known(models.ObjectMeta, job.metadata)
+    for group in (cluster.head_group_spec, *cluster.worker_group_specs):
+        pod = group.template.spec
+        _expect_known(models.PodSecurityContext, pod.security_context)
+        for container in pod.containers:
+            _expect_known(models.Container, container)
+        for volume in pod.volumes:
+            _expect_known(models.Volume, volume)
+    return job.spec
+
+
+def _expect_known(model: Any, given: dict[str, Any]) -> None:
+    read = model.model_validate(given)
+    assert _unread(given, read.model_dump(by_alias=True, mode="json")) == []
+
+
 def test_the_job_of_kuberay_is_whole():
-    _, text = _blocks("yaml")
-    job = yaml.safe_load(text)
-    cluster = job["spec"]["rayClusterSpec"]
-    groups = [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
+    job = _ray_job(_blocks("yaml")[1])
+    groups = [job.ray_cluster_spec.head_group_spec, *job.ray_cluster_spec.worker_group_specs]
     for group in groups:
-        (container,) = group["template"]["spec"]["containers"]
-        volumes = {volume["name"] for volume in group["template"]["spec"]["volumes"]}
-        assert {mount["name"] for mount in container["volumeMounts"]} == volumes
-    assert groups[0]["rayStartParams"] == {"num-cpus": "0"}  # values are text
-    assert "hsslam-batch run" in job["spec"]["entrypoint"]
+        pod = group.template.spec
+        (container,) = pod.containers
+        mounted = {mount["name"] for mount in container["volumeMounts"]}
+        assert mounted == {volume["name"] for volume in pod.volumes}
+    assert groups[0].ray_start_params == {"num-cpus": "0"}
+    assert "hsslam-batch run" in job.entrypoint
+
+
+def test_a_misspelt_field_of_the_job_of_kuberay_is_found():
+    text = _blocks("yaml")[1]
+    free = {"num-cpus", "cpu", "memory"}  # names of Ray's options and of resources
+    fields = {*re.findall(r"([\w-]+):(?= |$)", text, re.M)} - free
+    assert {"entrypoint", "template", "fsGroup", "mountPath", "sizeLimit"} < fields
+    for field in fields:
+        misspelt = re.sub(rf"\b{field}:(?= |$)", f"{field}X:", text, flags=re.M)
+        with pytest.raises((ValueError, AssertionError)):
+            _ray_job(misspelt)
