@@ -5,12 +5,15 @@ import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from hsslam_batch.cluster.ray_head import expect_ray_head
 from hsslam_node.errors import UserError
 
 _STORE_BYTES = 80 << 20  # Ray's minimum; a result has some hundred bytes
 _STARTS = 3  # Ray gives up after 30 s; on a busy machine its start can take as long
+# A client server starts a process for each client, which now and then dies at its start
+_NO_SERVER = "Starting Ray client server failed"
 # If there are more workers than cores, Ray ends a worker that is idle for 1 s, as on a busy machine. A new
 # worker takes more than 1 s of core time.
 _KEPT = {"idle_worker_killing_time_threshold_ms": 3_600_000}
@@ -66,21 +69,19 @@ def _stdout_in(path: Path | None) -> Iterator[None]:
 def _connect(address: str) -> None:
     import ray
 
-    common = {"log_to_driver": False, "logging_level": logging.ERROR}
-    if address != "local":
-        ray.init(address, **common)
-        return
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
+    if address == "local":
+        options |= {
+            "include_dashboard": False,
+            "object_store_memory": _STORE_BYTES,
+            "_system_config": _KEPT,
+        }
     for last in range(1, _STARTS + 1):
         try:
-            ray.init(
-                "local",
-                include_dashboard=False,
-                object_store_memory=_STORE_BYTES,
-                _system_config=_KEPT,
-                **common,
-            )
+            ray.init(address, **options)
             return
-        except Exception:
+        except Exception as error:
             ray.shutdown()
-            if last == _STARTS:
+            may_pass = address == "local" or _NO_SERVER in str(error)
+            if last == _STARTS or not may_pass:
                 raise

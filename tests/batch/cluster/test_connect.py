@@ -32,6 +32,25 @@ def test_ray_that_takes_too_long_to_start_is_started_again(starts: list[str]):
         assert starts == ["local"] * 3
 
 
+def test_a_client_server_whose_process_for_us_dies_is_asked_again(monkeypatch: pytest.MonkeyPatch):
+    import ray
+
+    asked: list[str] = []
+
+    def init(address: str, **_: object) -> None:
+        asked.append(address)
+        if len(asked) < 3:
+            raise ConnectionAbortedError(
+                "Initialization failure from server:\nTraceback:\n"
+                "RuntimeError: Starting Ray client server failed. See ray_client_server_23000.err"
+            )
+
+    monkeypatch.setattr(ray, "init", init)
+    monkeypatch.setattr(ray, "shutdown", lambda: None)
+    with connected("here"):
+        assert asked == ["here"] * 3
+
+
 def test_a_cluster_that_refuses_is_asked_once(starts: list[str]):
     with (
         pytest.raises(UserError, match=r"^--address here: The current node timed out.*: exp"),
