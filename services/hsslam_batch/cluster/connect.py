@@ -52,9 +52,9 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
 
 
 def _reason(error: Exception) -> str:
-    """One line; of an error that holds the traceback of a server, the last one."""
+    """One line without its full stop; of an error with the traceback of a server, the last one."""
     first, *more = str(error).strip().splitlines() or [type(error).__name__]
-    return more[-1] if first.endswith(":") and more else first
+    return (more[-1] if first.endswith(":") and more else first).rstrip(".")
 
 
 @contextlib.contextmanager

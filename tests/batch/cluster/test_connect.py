@@ -65,7 +65,7 @@ def test_the_error_of_a_server_is_its_last_line(monkeypatch: pytest.MonkeyPatch)
 
     def init(address: str, **_: object) -> None:
         raise ConnectionAbortedError(
-            "Failure from server:\nTraceback:\n  f()\nRuntimeError: busy\n"
+            "Failure from server:\nTraceback:\n  f()\nRuntimeError: busy.\n"
         )
 
     monkeypatch.setattr(ray, "init", init)
