@@ -94,7 +94,10 @@ def loose_pools() -> set[Path]:
     """Pools of zenoh, 32 MB each, that no process has open. Its table of 1.3 MB stays after any run until the
     next program uses zenoh."""
     found = {p for p in Path("/dev/shm").glob("*.zenoh") if p.stat().st_size > POOL_BYTES // 2}
-    return found.difference(*(pools_of(pid) for pid in psutil.pids()))
+    loose = found.difference(*(pools_of(pid) for pid in psutil.pids()))
+    return {
+        path for path in loose if path.exists()
+    }  # a process may have ended and removed it meanwhile
 
 
 def nothing_left(batch: Batch, pools: set[Path]) -> bool:
