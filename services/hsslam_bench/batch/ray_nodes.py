@@ -13,12 +13,12 @@ _PORTS = ("metrics_agent_port", "runtime_env_agent_port", "dashboard_agent_liste
 
 
 @contextmanager
-def ray_cluster() -> Iterator[Any]:
+def ray_cluster(**head_options: Any) -> Iterator[Any]:
     """A `ray.cluster_utils.Cluster`, which is shut down at the end of the block."""
     os.environ.update(QUIET)
     from ray.cluster_utils import Cluster
 
-    head = {"num_cpus": 0, "include_dashboard": False, **_node_options()}
+    head = {"num_cpus": 0, "include_dashboard": False, **_node_options(), **head_options}
     cluster = Cluster(initialize_head=True, head_node_args=head)
     try:
         yield cluster
