@@ -12,6 +12,7 @@ from mcap.records import Attachment, Channel, Chunk, Header, Message, MessageInd
 
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
+from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.channel_copies import CHANNELS, LIBRARY
 from hsslam_services.log.file_index import FileIndex
 from hsslam_services.log.reading.reader import bus_messages
@@ -84,6 +85,9 @@ def test_a_forged_chunk_is_one_line_and_takes_little_memory(
     _write(path, _chunk(compression, packed()), has_index=has_index)
     with pytest.raises(UserError, match=r"run\.mcap: damaged"):
         list(bus_messages([path]))
+    with pytest.raises(UserError, match=r"run\.mcap: damaged"):
+        trim([path], tmp_path / "short.mcap", 0.0, None)
+    assert not (tmp_path / "short.mcap").exists()
     assert peak_bytes() < 300e6
 
 

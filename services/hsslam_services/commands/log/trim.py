@@ -11,7 +11,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
-from hsslam_services.log.reading.reader import log_reader, log_span_ns
+from hsslam_services.log.reading.reader import log_reader, log_span_ns, messages_between
 
 _MOST_NS = 2.0**63  # later than every message
 
@@ -72,19 +72,17 @@ class _Trimmed:
         for path in files:
             with log_reader(path) as reader:
                 self._copy_metadata(reader)
-                # in the order of the file: their times go back if the clock was set back
-                for schema, channel, message in reader.iter_messages(
-                    starting_at=low, ending_before=high, log_time_order=False
-                ):
-                    self._writer.add_message(
-                        self._channel(channel, schema),
-                        message.log_time,
-                        message.data,
-                        message.publish_time,
-                        message.sequence,
-                    )
-                    progress.move(message.log_time)
-                    count += 1
+            # in the order of the file: their times go back if the clock was set back
+            for schema, channel, message in messages_between(path, low, high):
+                self._writer.add_message(
+                    self._channel(channel, schema),
+                    message.log_time,
+                    message.data,
+                    message.publish_time,
+                    message.sequence,
+                )
+                progress.move(message.log_time)
+                count += 1
         return count
 
     def _copy_metadata(self, reader: McapReader) -> None:

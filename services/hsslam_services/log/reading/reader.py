@@ -10,7 +10,7 @@ from typing import IO, Final, NamedTuple
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.reader import McapReader, make_reader
-from mcap.records import Chunk, ChunkIndex
+from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
@@ -172,6 +172,34 @@ def _records(
         for record, byte in found:
             channel = summary.channels[record.channel_id]
             yield summary.schemas.get(channel.schema_id), channel, record, byte
+
+
+def messages_between(
+    path: Path, low_ns: int, high_ns: int
+) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
+    """All messages of one file, of the bus or not, from `low_ns` to before `high_ns`, in the file's order.
+
+    Raises:
+        UserError: the file is damaged, or there is none.
+    """
+    with log_reader(path) as reader:
+        summary = reader.get_summary()
+        if summary is None:
+            return
+        chunks = [
+            each
+            for each in summary.chunk_indexes
+            if each.message_start_time < high_ns and each.message_end_time >= low_ns
+        ]
+        with path.open("rb") as stream:
+            if summary.chunk_indexes:
+                found = (each for each, _ in _in_chunks(stream, chunks, set(summary.channels)))
+            else:
+                found = messages_in_file(stream)
+            for record in found:
+                if low_ns <= record.log_time < high_ns:
+                    channel = summary.channels[record.channel_id]
+                    yield summary.schemas.get(channel.schema_id), channel, record
 
 
 def _by_time(stream: IO[bytes], ids: set[int]) -> Iterator[tuple[McapMessage, None]]:
