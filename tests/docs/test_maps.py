@@ -1,4 +1,4 @@
-"""What docs/maps.md says of questions, robots and other tools, run as printed, on a map of the small room."""
+"""What docs/maps.md says of questions, merging, robots and other tools, run as printed, on small maps."""
 
 import re
 import shlex
@@ -13,10 +13,12 @@ from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_services.commands.maps.command import main
 from tests.repository import ROOT
 from tests.small_room import SMALL, mapped_room
+from tests.two_sessions import FIRST, SECOND, saved_session
 
 _SECTIONS = dict(
     re.findall(r"^## ([^\n]*)\n(.*?)(?=^## )", (ROOT / "docs/maps.md").read_text(), re.M | re.S)
 )
+_MERGE = _SECTIONS["Merge two runs"]
 _ASK = _SECTIONS["Query distances in a map"]
 _ROBOTS = _SECTIONS["Export a map to Nav2 and planners"]
 _TOOLS = _SECTIONS["Export a map to other tools"]
@@ -39,11 +41,30 @@ def _run(section: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
+def _expect_same_words(told: list[str], printed: list[str]) -> None:
+    """Assert that the lines are those of the page, with other numbers."""
+    ours, theirs = ([re.sub(r"-?[\d.]+", "N", line) for line in of] for of in (told, printed))
+    assert ours == theirs
+
+
 def _execute(section: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Run the Python of a section; the lines that it prints."""
     (block,) = re.findall(r"^```python\n(.*?)^```", section, re.M | re.S)
     exec(compile(block, "docs/maps.md", "exec"), {})
     return capsys.readouterr().out.splitlines()
+
+
+def test_two_runs_are_merged(capsys):
+    Path("runs").mkdir()
+    saved_session(Path("runs/monday"), FIRST)
+    saved_session(Path("runs/tuesday"), SECOND)
+    saved_session(Path("runs/elsewhere"), SECOND, mirrored=True)
+    commands = re.findall(r"^\$ hsslam-map (.*)$", _MERGE, re.M)
+    assert [main(shlex.split(command)) for command in commands] == [0, 2]
+    told = capsys.readouterr()
+    printed = re.findall(r"^(?:runs/tuesday meets|results:|error:) .*$", _MERGE, re.M)
+    _expect_same_words((told.out + told.err).splitlines(), printed)
+    assert len(trimesh.load_mesh("runs/both/mesh.ply").faces) > 1000
 
 
 def test_a_map_is_asked(capsys):
@@ -67,9 +88,8 @@ def test_a_map_is_written_for_robots(capsys):
         for line in _ROBOTS.splitlines()
         if re.match(r"direction up|map\.yaml, |esdf\.npz: ", line)
     ]
-    assert len(told) == len(printed) == 4
-    for ours, theirs in zip(told, printed, strict=True):  # the same words with other numbers
-        assert re.sub(r"-?[\d.]+", "N", ours) == re.sub(r"-?[\d.]+", "N", theirs)
+    assert len(printed) == 4
+    _expect_same_words(told, printed)
     assert Path("map.pgm").read_bytes().startswith(b"P5")
     (distance_m,) = _execute(_ROBOTS, capsys)
     assert 0.1 < float(distance_m) < 2.0
