@@ -1,4 +1,4 @@
-"""The example of a camera plugin, visible as pip makes it: in help, in errors, and opened by the doctor."""
+"""The example of a camera plugin, as pip installs it: in help and errors, opened by the doctor, and run."""
 
 import json
 import os
@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.bus.bus import free_endpoint
 from tests.repository import ROOT
 from tests.services.run.installed_package import install
-from tests.small_room import room_frames
+from tests.services.serve_process import QUICK
+from tests.small_room import pose_error, room_frames, room_poses
 
 _EXAMPLE = ROOT / "examples/camera_plugin"
 
@@ -65,6 +68,18 @@ def test_the_doctor_opens_its_recording(site, recording):
     assert done.returncode in (0, 1), done.stderr  # it may find the recording short
     assert "160 x 120" in done.stdout or "160x120" in done.stdout
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.e2e
+def test_the_service_tracks_its_recording(site, recording, tmp_path):
+    out, port = tmp_path / "run", free_endpoint().rpartition(":")[2]
+    options = ("--pace", "lockstep", "--viewer", "none", "--zenoh-port", port, *QUICK)
+    done = _run(site, "serve", "--source", f"npz:{recording}", "--out", str(out), *options)
+    assert done.returncode == 0, done.stderr
+    found = read_tum(out / "trajectory.txt")
+    assert found.stamps_ns.tolist() == [frame.stamp_ns for frame in room_frames()[:6]]
+    for T, true in zip(found.T_world_cam, room_poses(), strict=False):
+        assert pose_error(T, true)[0] < 0.01
 
 
 def test_bad_input_is_one_line(site, tmp_path):
