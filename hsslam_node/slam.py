@@ -135,6 +135,8 @@ class Slam:
             for _ in range(self._mapper.last_iterations(self.store)):
                 self._mapper.refine_sparse(self.store)
             self._mapper.publish()
+            while self._mapper.select_last(self.store):
+                pass
 
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: many iterations after the first, a few after each keyframe.

@@ -8,6 +8,7 @@ from hsslam_node.config.mapping import KeyframeConfig
 from hsslam_node.geometry.view_distance import surface_shifts_m, view_distance
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.cell_counts import CellCounts
+from hsslam_node.mapping.changed_view import has_changed
 from hsslam_node.mapping.view_cells import CELL_M, view_cells
 
 _SCARCE = 0.7  # of the capacity: above it fewer keyframes stay
@@ -47,6 +48,8 @@ class KeyframeSelection:
         self._moved: list[int] = []  # keyframes that are counted at an old pose
         self._pose_version = 0  # of the store, for `_moved`
         self._next = 0  # index of the next kept keyframe to compare
+        self._saved_counts: CellCounts | None = None  # of keyframes of the loaded map, at the end
+        self._next_own = 0  # first keyframe that is not compared with the loaded map
 
     def select(self, store: KeyframeStore) -> int:
         """Judge the keyframes that have left the ring; returns how many retired.
@@ -76,6 +79,35 @@ class KeyframeSelection:
             self._retire(store, self._most_redundant(), older)
             retired += 1
         return retired
+
+    def select_last(self, store: KeyframeStore) -> bool:
+        """At the end of a run that continues a saved map, retire the keyframes that show what this map shows,
+        but the newest; some in each call. Returns whether to call it again.
+
+        A keyframe shows it if keyframes of the map show all but `new_share` of its cells, and nothing has
+        been moved there since (`has_changed`). It serves bundle adjustment until the end.
+        """
+        kept, inherited = store.kept(), store.inherited
+        saved = kept[kept < inherited]
+        if len(saved) == 0:
+            return False
+        uncounted = [int(k) for k in saved if k not in self._counted]
+        for k in uncounted[:_AT_A_TIME]:
+            self._count(k, self._cells_of(store, k))
+        if uncounted:
+            return True
+        if self._saved_counts is None:
+            self._saved_counts = CellCounts()
+            for k in saved:
+                self._saved_counts.add(self._counted[int(k)].places, 1)
+        own = [int(k) for k in kept[:-1] if k >= max(inherited, self._next_own)]
+        for k in own[:_AT_A_TIME]:
+            self._next_own = k + 1
+            places = (self._counted.get(k) or self._cells_of(store, k)).places
+            unseen = np.mean(self._saved_counts.of(places) == 0) if places.shape[1] else 1.0
+            if unseen <= self._config.new_share and not has_changed(store, k, saved):
+                self._retire(store, k, saved)
+        return len(own) > _AT_A_TIME
 
     def _follow_corrections(self, store: KeyframeStore) -> None:
         """Count some keyframes again that a correction has moved by more than half a cell."""

@@ -93,6 +93,11 @@ class Mapper:
         """Retire redundant keyframes; returns how many."""
         return self._selection.select(store)
 
+    def select_last(self, store: KeyframeStore) -> bool:
+        """After the last iterations of a run that continues a saved map: retire keyframes that show only what
+        this map shows, some in each call; returns whether to call it again."""
+        return self._selection.select_last(store)
+
     def grow_bound(self, store: KeyframeStore) -> Bound | None:
         """Grow the map if new keyframes, or ones that a correction moved far, see beyond its bound. Returns
         the new bound, or None if the old one suffices.

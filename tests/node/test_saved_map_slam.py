@@ -58,6 +58,8 @@ def test_mapping_goes_on_in_it(path):
         assert pose_error(result.T_world_cam, room_poses()[k])[0] < 0.02
     assert slam.store.count > inherited == slam.store.inherited
     assert slam.parameters.version > 1 and slam.parameters.step > steps
+    slam.finish()
+    assert len(slam.store.kept()) <= inherited + 1  # the map shows all of this
 
 
 def test_without_a_map_there_is_nothing_to_localise_in():

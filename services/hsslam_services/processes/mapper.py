@@ -48,6 +48,7 @@ def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
     _follow_keyframes(worker, loop)
     loop.do_last_iterations()
+    loop.retire_known()
     loop.publish_all_poses()
 
 
@@ -228,6 +229,16 @@ class _MapperLoop:
             self._worker.event(
                 "info", f"{done} of {n} last iterations done: --finish-s allows no more"
             )
+
+    def retire_known(self) -> None:
+        """In a run that continues a saved map, retire keyframes that show only what it shows."""
+        store, end_s = self._link.store(), self._last_iterations_end_s()
+        if store is None or self._mapper is None or not self._mode.may_change:
+            return
+        while time.monotonic() < end_s and not self._worker.is_orphan():
+            if not self._mapper.select_last(store):
+                break
+            self._worker.should_stop()  # counts as a turn of the loop
 
     def publish_all_poses(self) -> None:
         """If mapping refines poses, publish those of all keyframes, as corrections leave some out."""

@@ -63,6 +63,8 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
     corrected = read_tum(continued.out / "trajectory.txt")
     online = read_tum(continued.out / "trajectory_online.txt")
     assert np.abs(corrected.positions - online.positions).max() > 1e-6
+    assert len(read_tum(continued.out / "keyframes.txt")) > 1  # all in view of the map: one stays
+    assert len(load_checkpoint(continued.out / "map.safetensors").keyframe_stamps_ns) == known + 1
     found = logged_poses(log_parts(str(continued.out), print))
     np.testing.assert_allclose(found.final.T_world_cam, corrected.T_world_cam, atol=1e-8)
 
