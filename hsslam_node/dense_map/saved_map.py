@@ -10,6 +10,7 @@ from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.map.restore import expect_fitted
 from hsslam_node.presets import REALTIME
 
 
@@ -50,10 +51,12 @@ class SavedMap(DenseMap):
                 `is_free`.
 
         Raises:
-            UserError: no such file, another format or version, a damaged file; the device is not usable;
-                `far_m` is not above 0.
+            UserError: no such file, another format or version, a damaged file, a fragment; the device is not
+                usable; `far_m` is not above 0.
         """
-        return cls(Path(path), load_checkpoint(Path(path)), device, far_m)
+        checkpoint = load_checkpoint(Path(path))
+        expect_fitted(Path(path), checkpoint)
+        return cls(Path(path), checkpoint, device, far_m)
 
     @property
     def camera(self) -> Camera:

@@ -1,5 +1,6 @@
 """Tracks a lost camera in a fragment, until the fragment joins the map."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from hsslam_node.config import SlamConfig
@@ -29,17 +30,19 @@ def open_fragment_tracker(
     *,
     new_map_after_s: float = NEW_MAP_AFTER_S,
     fragments: int = 0,
+    keep: Callable[[Fragment], None] | None = None,
 ) -> FrameTracker:
     """The tracker of a configuration, with fragments if it recognises places.
 
     Args:
         new_map_after_s: a fragment begins when the camera has been lost for this time; 0: never.
         fragments: number of fragments begun before.
+        keep: takes each fragment that ends without a join; None: it is lost.
     """
     tracker = open_tracker(config, store, seed, threads)
     if not isinstance(tracker, Tracker) or not new_map_after_s:
         return tracker
-    return FragmentTracker(config, store, seed, tracker, new_map_after_s, fragments)
+    return FragmentTracker(config, store, seed, tracker, new_map_after_s, fragments, keep)
 
 
 class FragmentTracker:
@@ -51,7 +54,7 @@ class FragmentTracker:
 
     def __init__(
         self, config: SlamConfig, store: KeyframeStore, seed: int, tracker: Tracker,
-        new_map_after_s: float, fragments: int,
+        new_map_after_s: float, fragments: int, keep: Callable[[Fragment], None] | None = None,
     ) -> None:  # fmt: skip
         self._slam = config
         self._after_ns = round(1e9 * new_map_after_s)
@@ -62,6 +65,7 @@ class FragmentTracker:
         self._search: JoinSearch | None = None
         self._joining: Joining | None = None
         self._begun = fragments
+        self._keep = keep
         self._lost_ns: int | None = None  # stamp of the first of the lost frames
         self._seeing_ns: int | None = None  # since when the lost frames have texture
 
@@ -103,6 +107,8 @@ class FragmentTracker:
     def finish(self) -> JoinedFragment | None:
         """After the last frame: complete a join that has begun; returns the fragment that joined, if any."""
         joined = self._joining.finish() if self._joining is not None else None
+        if joined is None:
+            self._leave()
         self._fragment = self._search = self._joining = None
         return joined
 
@@ -167,6 +173,7 @@ class FragmentTracker:
         if first.status == "lost":  # there is too little depth
             return None
         self._begun, self._lost_ns = fragment.number, None
+        self._leave()
         self._fragment = fragment
         self._search = JoinSearch(self._store, self._map.places, fragment)
         return _of_fragment(first, fragment.number)
@@ -191,11 +198,13 @@ class FragmentTracker:
         )  # fmt: skip
 
     def _leave(self) -> None:
-        """Leave the fragment without a join: the camera is in the map again."""
+        """Leave the fragment, if any, without a join, and let it be kept."""
         if self._search is not None:
             self._search.collect()
         self._give_up_joining()
-        self._fragment = self._search = None
+        fragment, self._fragment, self._search = self._fragment, None, None
+        if fragment is not None and self._keep is not None:
+            self._keep(fragment)
 
     def _give_up_joining(self) -> None:
         """Give up the join, before other keyframes are appended to the map."""

@@ -19,6 +19,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import are_rigid
 from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.map.initialisation import initial_parameters
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.rendering.ray_sampling import SamplingPattern
@@ -50,6 +51,9 @@ class MapCheckpoint:
     keyframe_gaps: np.ndarray | None = None  # [n, 6, 6] float64, `gap_covariances`; None likewise
     # [4, 4] to the frame `map` of the robot that made it (`level_frame`); None: not known
     T_level_world: np.ndarray | None = None
+    is_fitted: bool = (
+        True  # False: keyframes of a fragment; the file has no field, `params` are fresh
+    )
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
@@ -80,8 +84,10 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     Raises:
         UserError: the file cannot be written.
     """
-    blocks = checkpoint.layout.blocks.values()
-    tensors = {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
+    tensors: dict[str, np.ndarray] = {}
+    if checkpoint.is_fitted:
+        blocks = checkpoint.layout.blocks.values()
+        tensors |= {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
     tensors["keyframes/stamps_ns"] = np.ascontiguousarray(checkpoint.keyframe_stamps_ns)
     tensors["keyframes/T_world_keyframe"] = np.ascontiguousarray(checkpoint.T_world_keyframe)
     if checkpoint.keyframe_gaps is not None:
@@ -101,7 +107,9 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
         metadata["gravity"] = json.dumps(dataclasses.asdict(checkpoint.gravity))
     if checkpoint.T_level_world is not None:
         metadata["T_level_world"] = json.dumps(checkpoint.T_level_world.tolist())
-    if checkpoint.second_moment is not None:
+    if not checkpoint.is_fitted:
+        metadata["is_fitted"] = "false"
+    elif checkpoint.second_moment is not None:
         tensors["adam/second_moment"] = _to_bfloat16(checkpoint.second_moment)
     if (images := checkpoint.images) is not None:
         tensors |= {f"keyframes/{name}": getattr(images, name) for name in _IMAGES}
@@ -150,10 +158,12 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         if metadata["version"] not in ("1", "2"):
             _expect_checksum(tensors, metadata)
-        layout = _layout(path, metadata)
+        layout, is_fitted = _layout(path, metadata), metadata.get("is_fitted") != "false"
         moment = tensors.get("adam/second_moment")
+        if not is_fitted:
+            moment = np.zeros(layout.parameter_count, np.uint16)
         return dataclasses.replace(
-            _checkpoint(layout, tensors),
+            _checkpoint(layout, tensors, is_fitted),
             camera=_part(metadata, "camera", Camera),
             sampling=_part(metadata, "sampling", SamplingPattern),
             images=_images(tensors, metadata),
@@ -207,18 +217,24 @@ def _layout(path: Path, metadata: dict[str, str]) -> FieldLayout:
         raise ValueError(str(error)) from None
 
 
-def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheckpoint:
+def _checkpoint(
+    layout: FieldLayout, tensors: dict[str, np.ndarray], is_fitted: bool
+) -> MapCheckpoint:
+    params = _params(layout, tensors) if is_fitted else initial_parameters(layout, 0)
+    stamps_ns, T = tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
+    checkpoint = MapCheckpoint(layout, params, stamps_ns, T, is_fitted=is_fitted)
+    if not are_rigid(checkpoint.T_world_keyframe):
+        raise ValueError("T_world_keyframe has a matrix that is no pose")
+    return checkpoint
+
+
+def _params(layout: FieldLayout, tensors: Mapping[str, np.ndarray]) -> np.ndarray:
     params = np.zeros(layout.parameter_count, np.float32)
     for block in layout.blocks.values():
         tensor = tensors[f"field/{block.name}"]
         _expect(f"field/{block.name}", tensor, block.shape, np.float32)
         block.view(params)[...] = tensor
-    checkpoint = MapCheckpoint(
-        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
-    )
-    if not are_rigid(checkpoint.T_world_keyframe):
-        raise ValueError("T_world_keyframe has a matrix that is no pose")
-    return checkpoint
+    return params
 
 
 def _max_depth_m(metadata: Mapping[str, str]) -> float | None:

@@ -20,7 +20,7 @@ from hsslam_node.map.store import KeyframeStore
 
 
 def restore_map(
-    arrays: ArrayAllocator, path: Path, config: SlamConfig
+    arrays: ArrayAllocator, path: Path, config: SlamConfig, *, may_be_fragment: bool = False
 ) -> tuple[KeyframeStore, FieldParameters]:
     """Load a saved map into arrays that no process uses yet; processes that attach later continue in it.
 
@@ -28,7 +28,8 @@ def restore_map(
 
     Raises:
         UserError: the file is missing or damaged, has another version or another field than `config.field`,
-            or has no images of its keyframes (versions before 3); or `config.bound.first_camera` is set.
+            or has no images of its keyframes (versions before 3); or `config.bound.first_camera` is set; or
+            it is of a fragment, unless `may_be_fragment` is set.
         OutOfMemoryError: there is no room for the arrays.
     """
     if config.bound.first_camera:
@@ -37,6 +38,8 @@ def restore_map(
             "the tracker finds the camera in the map"
         )
     saved = load_checkpoint(path)
+    if not may_be_fragment:
+        expect_fitted(path, saved)
     expect_field(path, saved.layout.config, config.field)
     images, camera, moment = _whole(path, saved)
     if len(images) >= config.keyframes.capacity:
@@ -85,6 +88,15 @@ def _whole(path: Path, saved: MapCheckpoint) -> tuple[KeyframeImages, Camera, np
             "saved by this release"
         )
     return images, camera, moment
+
+
+def expect_fitted(path: Path, saved: MapCheckpoint) -> None:
+    """UserError if the map holds only the keyframes of a fragment."""
+    if not saved.is_fitted:
+        raise UserError(
+            f"{path}: keyframes of a fragment, without a surface: expected a map; hsslam-map merge adds them "
+            "to the map of a run that saw the same"
+        )
 
 
 def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:

@@ -68,6 +68,7 @@ def merge_maps(
     track: Track = silently,
 ) -> JoinedMap:
     """Find where the maps of two files meet, solve for all keyframes, and fit the field of the first to them.
+    Each may be of a fragment (`fragment_map`).
 
     The configuration is preset `realtime`, but with the field and the sampling of the first map, and with the
     smaller of both maps' limits of depth.
@@ -87,7 +88,7 @@ def merge_maps(
         mapper=replace(REALTIME.mapper, max_depth_m=_max_depth_m(saved, other)),
         keyframes=replace(REALTIME.keyframes, capacity=seam + count + 1),
     )
-    store, parameters = restore_map(arrays, first, config)
+    store, parameters = restore_map(arrays, first, config, may_be_fragment=True)
     frames = track(saved_frames(second, other), count, description="places")
     poses = other.T_world_keyframe
     meetings = agreeing(find_meetings(store, frames, poses, config.tracker, seed))
@@ -100,7 +101,8 @@ def merge_maps(
     solved, meetings = JoinedGraph(store, seam, config, seed).solve(meetings, track)
     places = _expect_places(first, second, meetings)
     store.correct_poses(np.arange(len(solved)), solved)
-    _refit(store, parameters, config, seed, device, track)
+    new = count if saved.is_fitted else seam + count
+    _refit(store, parameters, new, config, seed, device, track)
     parts = (
         Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
         Trajectory(other.keyframe_stamps_ns, poses),
@@ -122,15 +124,15 @@ def _max_depth_m(*maps: MapCheckpoint) -> float:
 def _refit(
     store: KeyframeStore,
     parameters: FieldParameters,
+    new: int,
     config: SlamConfig,
     seed: int,
     device: Device,
     track: Track,
 ) -> None:
-    """Fit the map: the mapping iterations of a run for the new keyframes, then a run's last iterations."""
+    """Fit the map: the mapping iterations of a run for `new` keyframes, then a run's last iterations."""
     mapper = Mapper(config, parameters, seed, device)
     mapper.grow_bound(store)
-    new = store.count - store.inherited
     iterations = config.mapper.iterations * new + mapper.last_iterations(store)
     for _ in track(range(iterations), description="map"):
         mapper.refine_sparse(store)

@@ -11,7 +11,8 @@ from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
 
-_WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", "map.safetensors")
+_MAPS = ("map.safetensors", "map_fragment_*.safetensors")
+_WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", *_MAPS)
 _FILES = (
     *_WORTH_KEEPING,
     "run*.rrd",

@@ -127,7 +127,7 @@ def _save_trajectories(
     arena = Arena(arena_dir)
     store = SharedMap(arena, run.options.slam).store()
     files = TrajectoryFiles(arena, store, MapState(arena_dir).map_epoch)
-    sections |= files.section()
+    sections |= files.section(run_dir)
     files.save(run_dir)
 
 

@@ -14,6 +14,7 @@ from hsslam_node.map.epoch_poses import EpochPoses
 from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena import Arena
+from hsslam_services.artefacts.fragment_names import fragment_map_name, fragment_trajectory_name
 from hsslam_services.run.summary import pose_section
 
 
@@ -38,14 +39,15 @@ class TrajectoryFiles:
             "trajectory_online": self._here.online,
             "keyframes": lambda: [self._keyframes],
             **{
-                _fragment_name(n): partial(self._here.fragment, n, place)
+                fragment_trajectory_name(n): partial(self._here.fragment, n, place)
                 for n, place in self._fragments.items()
                 if not self._log.is_joined(n)
             },
         }
 
-    def section(self) -> dict[str, Any]:
-        """Pose statistics for the summary: of a run that ends, and of this epoch, if there are several."""
+    def section(self, run_dir: Path) -> dict[str, Any]:
+        """Pose statistics for the summary: of a run that ends, and of this epoch, if there are several; and
+        which maps of fragments the tracker has saved in `run_dir`."""
         section: dict[str, Any] = {}
         if not self._suffix:  # else each reset reads the rows of all epochs
             section = pose_section(map(self._log.joined, self._log.slabs()))
@@ -53,7 +55,8 @@ class TrajectoryFiles:
             sigma_deg = math.degrees(gravity.sigma_rad)
             section["up"] = {"direction": list(gravity.up), "by": "gravity", "sigma_deg": sigma_deg}
         if self._fragments:
-            section["fragments"] = {str(n): self._fragment_section(n) for n in self._fragments}
+            of_each = {str(n): self._fragment_section(n, run_dir) for n in self._fragments}
+            section["fragments"] = of_each
         if self._map_epoch > 0 or self._suffix:
             frames = pose_section(self._here.joined())["frames"]
             name = f"trajectory{self._suffix}.txt"
@@ -61,12 +64,14 @@ class TrajectoryFiles:
             section["map_epochs"] = {str(self._map_epoch): counts}
         return section
 
-    def _fragment_section(self, number: int) -> dict[str, Any]:
+    def _fragment_section(self, number: int, run_dir: Path) -> dict[str, Any]:
         frames = self._fragments[number].frames
         if self._log.is_joined(number):
             return {"frames": frames, "joined": True}
-        name = f"{_fragment_name(number)}{self._suffix}.txt"
-        return {"frames": frames, "joined": False, "trajectory": name}
+        name = f"{fragment_trajectory_name(number)}{self._suffix}.txt"
+        saved = fragment_map_name(number)
+        of_map = {"map": saved} if (run_dir / saved).is_file() else {}
+        return {"frames": frames, "joined": False, "trajectory": name, **of_map}
 
     def save(self, run_dir: Path) -> None:
         """Write the files; an error of one does not stop the others.
@@ -83,7 +88,3 @@ class TrajectoryFiles:
                 errors.append(f"{path}: {error.strerror}: expected a writable file")
         if errors:
             raise UserError("; ".join(errors))
-
-
-def _fragment_name(number: int) -> str:
-    return f"trajectory_fragment_{number}"

@@ -27,6 +27,7 @@ from hsslam_proto.requests import LOCATE
 from hsslam_services.arena.asked_place import AskedPlace
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.artefacts.fragment_files import FragmentFiles
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -97,6 +98,7 @@ class _TrackerLoop:
         self._events = TrackingEvents(worker, self._link)
         self._tracker: FrameTracker | None = None
         options = worker.options
+        self._fragments = FragmentFiles(worker.run.path, options.slam, worker.event)
         self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
         self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
@@ -124,6 +126,7 @@ class _TrackerLoop:
         return open_fragment_tracker(
             options.slam, store, options.seed, threads,
             new_map_after_s=options.new_map_after_s, fragments=self._poses.log.newest_fragment(),
+            keep=self._fragments.save,
         )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> bool:
@@ -179,10 +182,11 @@ class _TrackerLoop:
         return True
 
     def finish(self) -> None:
-        """After the last frame: join a fragment that is about to join the map."""
+        """After the last frame: join a fragment that is about to join the map; save one that is not."""
         self._asked.close()
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
+        self._fragments.wait()
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

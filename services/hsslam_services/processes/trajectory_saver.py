@@ -19,7 +19,7 @@ def _run(worker: Worker) -> None:
     mode = MapState(worker.run.arena_dir)
     suffix = f".epoch{mode.map_epoch}" if mode.is_given_up else ""
     files = TrajectoryFiles(worker.arena, store, mode.map_epoch, suffix)
-    worker.add_to_summary(files.section())
+    worker.add_to_summary(files.section(worker.run.path))
     files.save(worker.run.path)
 
 

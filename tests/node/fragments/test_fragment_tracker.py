@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
@@ -37,10 +38,14 @@ def _walk() -> tuple[tuple[Frame, ...], np.ndarray]:
     return frames, inverse(truth.T_world_cam[0]) @ truth.T_world_cam
 
 
-def _opened(new_map_after_s: float) -> tuple[FrameTracker, KeyframeStore]:
+def _opened(
+    new_map_after_s: float, kept: list[Fragment] | None = None
+) -> tuple[FrameTracker, KeyframeStore]:
+    """A tracker and its store; it appends fragments that end without a join to `kept`."""
     first = _walk()[0][0]
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 256)
-    return open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s), store
+    keep = [].append if kept is None else kept.append
+    return open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s, keep=keep), store
 
 
 @cache
@@ -139,11 +144,13 @@ def test_a_clock_that_is_set_back_while_the_camera_is_lost_delays_no_fragment():
     assert 3e9 <= begun_ns - later[0].stamp_ns < 5e9
 
 
-def _until_it_is_copied() -> tuple[FrameTracker, KeyframeStore, int]:
-    """Three frames before the fragment joins the map, and the frame after them."""
+def _until_it_is_copied(
+    kept: list[Fragment] | None = None,
+) -> tuple[FrameTracker, KeyframeStore, int]:
+    """Three frames before the fragment joins the map, and the frame after them; `kept` as in `_opened`."""
     results, _, _ = _lost_and_joined()
     end = next(k for k, r in enumerate(results) if r.joined) - 3
-    tracker, store = _opened(3.0)
+    tracker, store = _opened(3.0, kept)
     for frame in _walk()[0][:end]:
         tracker.track(frame, None)
     return tracker, store, end
@@ -166,11 +173,13 @@ def test_each_comparison_with_the_map_has_ended_before_a_fragment_is_copied(monk
 
 
 def test_a_fragment_that_is_being_copied_when_the_camera_ends_joins_the_map():
-    tracker, store, _ = _until_it_is_copied()
+    kept: list[Fragment] = []
+    tracker, store, _ = _until_it_is_copied(kept)
     before = store.count
     joined = tracker.finish()
     assert joined is not None and joined.fragment == 1
     assert sorted({*joined.keyframes.tolist()}) == list(range(before, store.count))
+    assert not kept
 
 
 def test_a_fragment_that_is_lost_while_it_is_copied_leaves_the_map_as_it_was():
@@ -181,3 +190,24 @@ def test_a_fragment_that_is_lost_while_it_is_copied_leaves_the_map_as_it_was():
     assert store.append(frame, np.eye(4)) == before
     assert store.kept().tolist() == list(range(before + 1))
     np.testing.assert_array_equal(store.frame(before).color, frame.color)
+
+
+def test_a_fragment_that_ends_without_a_join_is_kept():
+    """The camera is found in the map again; the next fragment begins; the camera ends."""
+    kept: list[Fragment] = []
+    tracker, _ = _opened(0.3, kept)
+    frames, _ = _walk()
+    black, known, there, elsewhere = -1, 0, 60, 80
+    numbers, ended = [], []
+    shown = [known, *8 * [there], black, *2 * [known], *8 * [there], black, *8 * [elsewhere]]
+    for moment, number in zip(frames, shown, strict=False):
+        frame = frames[number] if number >= 0 else with_black(frames[0])
+        frame = replace(frame, index=moment.index, stamp_ns=moment.stamp_ns)
+        numbers.append(tracker.track(frame, None).fragment)
+        ended.append(len(kept))
+    assert numbers[8] == 1 and numbers[11] == 0 and ended[8:12] == [0, 0, 1, 1]
+    assert numbers[19] == 2 and numbers[-1] == 3 and ended[19] == 1 and ended[-1] == 2
+    assert tracker.finish() is None
+    assert [fragment.number for fragment in kept] == [1, 2, 3]
+    for fragment in kept:
+        assert fragment.store.kept().tolist() == [0]

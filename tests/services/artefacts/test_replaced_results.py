@@ -17,7 +17,8 @@ def run_dir(tmp_path: Path) -> Path:
         (folder / name).mkdir(parents=True)
     (folder / "run.json").write_text('{"run_id": "20260101-000000-abcdef"}')
     (folder / "summary.json").write_text('{"exit_code": 0}')
-    results = ("map.safetensors", "run.mcap", "trajectory.txt")
+    maps = ("map.safetensors", "map_fragment_1.safetensors")
+    results = (*maps, "run.mcap", "trajectory.txt")
     for name in (*results, "logs/mapper.log", "evaluation/error.png", "mine.txt"):
         (folder / name).write_text(f"{name} of before")
     return folder

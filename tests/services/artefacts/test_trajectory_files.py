@@ -21,7 +21,7 @@ def test_files_and_statistics_are_those_of_all_rows(tmp_path):
     log = long_log(arena)
     tracemalloc.start()
     files = TrajectoryFiles(arena, store, map_epoch=1)
-    section = files.section()
+    section = files.section(tmp_path)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     files.save(tmp_path)
@@ -48,5 +48,7 @@ def test_files_and_statistics_are_those_of_all_rows(tmp_path):
         "1": {"frames": 10, "joined": True},
         "2": {"frames": 20, "joined": False, "trajectory": "trajectory_fragment_2.txt"},
     }
+    (tmp_path / "map_fragment_2.safetensors").touch()
+    assert files.section(tmp_path)["fragments"]["2"]["map"] == "map_fragment_2.safetensors"
     assert sum(frames[status] for status in ("tracked", "lost")) == COUNT - FIRST_OF_LAST_EPOCH
     assert np.isfinite(list(section["latency_ms"].values())).all()

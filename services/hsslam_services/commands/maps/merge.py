@@ -16,6 +16,7 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.merging.carried_trajectory import carried, joined
 from hsslam_node.merging.merge_maps import JoinedMap, merge_maps
 from hsslam_node.merging.order_of_time import in_order_of_time
+from hsslam_services.artefacts.fragment_names import trajectory_beside
 from hsslam_services.artefacts.mesh_file import mesh_section, save_mesh
 from hsslam_services.commands.cli import terminal_progress
 from hsslam_services.commands.maps.export_views import expect_new_folder, out_folder
@@ -50,9 +51,9 @@ class MergeOptions:
     ALIASES: ClassVar = {"out": "-o"}
 
     first: str = ""
-    """Run folder, or the file of a saved map; it gives the coordinate frame."""
+    """Run folder, or the file of a saved map or fragment; it gives the coordinate frame."""
     second: str = ""
-    """Run folder, or the file of a saved map."""
+    """Run folder, or the file of a saved map or fragment."""
     out: Path = Path("merged")
     """Output folder; must be new or empty."""
     seed: int = 0
@@ -104,8 +105,9 @@ def merge_runs(options: MergeOptions) -> None:
 
 
 def _frames(file: Path) -> Trajectory | None:
-    """The trajectory of a run, beside its map; None if there is only the map, or no pose in it."""
-    path = file.with_name(_TRAJECTORY)
+    """The trajectory of a run or a fragment, beside its map; None if there is only the map, or no pose in
+    it."""
+    path = trajectory_beside(file)
     found = read_tum(path) if path.exists() else None
     return found if found is not None and len(found) else None
 
