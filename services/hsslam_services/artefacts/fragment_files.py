@@ -30,8 +30,13 @@ class FragmentFiles:
     def save(self, fragment: Fragment) -> None:
         """Begin to save a fragment that no frame is tracked in any more, once the one before is saved."""
         self.wait()
-        self._saving = threading.Thread(target=self._save, args=(fragment,), name="fragment")
-        self._saving.start()
+        thread = threading.Thread(target=self._save, args=(fragment,), name="fragment")
+        try:
+            thread.start()
+        except RuntimeError:  # no thread can start: tracking waits
+            self._save(fragment)
+        else:
+            self._saving = thread
 
     def wait(self) -> None:
         """Wait for the fragment that is being saved, if any."""
