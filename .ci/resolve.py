@@ -2,10 +2,10 @@
 
 python .ci/resolve.py UV
 
-For Python 3.11 to 3.14, x86-64 and aarch64, with `dev` and with `ros2`, which both hold what the base
-install needs: with the locks and torch.txt, as `make run`, `make test` and the images install; for the
-oldest and the newest Python also without them, as `pip install .` does. Wheels alone: nothing may need a
-compiler. The settings of pip and uv are ignored. Ends with 1 and every combination that fails.
+For Python 3.11 to 3.14, x86-64 and aarch64, with `dev`, with `ros2` and with `batch`, which all hold what
+the base install needs: with the locks and torch.txt, as `make run`, `make test` and the images install; for
+the oldest and the newest Python also without them, as `pip install .` does. Wheels alone: nothing may need
+a compiler. The settings of pip and uv are ignored. Ends with 1 and every combination that fails.
 """
 
 import itertools
@@ -21,7 +21,7 @@ from lock import resolve  # noqa: E402
 
 _PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 _MACHINES = ("x86_64", "aarch64")
-_GLIBC = {"dev": "2_35", "ros2": "2_28"}  # the wheels of Open3D want 2.35
+_GLIBC = {"dev": "2_35", "ros2": "2_28", "batch": "2_28"}  # the wheels of Open3D want 2.35
 
 
 def main(uv: str) -> None:
@@ -49,7 +49,7 @@ def _trouble(uv: str, python: str, machine: str, kind: str, way: str) -> str | N
     """What uv says if a combination does not resolve."""
     inputs = ["pyproject.toml", "--extra", kind]
     if way == "locked":
-        locks = ("base", "ros2") if kind == "ros2" else (kind,)
+        locks = (kind,) if kind == "dev" else ("base", kind)
         inputs += ["requirements/torch.txt", *(f"requirements/{lock}.lock" for lock in locks)]
     platform = f"{machine}-manylinux_{_GLIBC[kind]}"
     done = resolve(

@@ -7,6 +7,7 @@ from a bag that is played. It needs no ROS: zenoh receives what nodes with rmw_z
 it (pip install 'hsslam-node[ros2]'). It ends after COMMANDS commands, or if nothing comes for 10 s.
 """
 
+import contextlib
 import json
 import queue
 import sys
@@ -35,9 +36,10 @@ def main(
         sys.exit(f"{commands}: expected a number of commands")
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    namespace = "/" + namespace.strip("/")
     try:
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         session = zenoh.open(config)
     except zenoh.ZError:
         sys.exit(f"{endpoint}: no router: expected hsslam-serve --grid --ros2-out {namespace}")
@@ -183,4 +185,5 @@ def matrix(t: Any, q: Any) -> np.ndarray:
 if __name__ == "__main__":
     if len(sys.argv) > 4 or sys.argv[1:] == ["--help"]:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    with contextlib.suppress(KeyboardInterrupt):
+        main(*sys.argv[1:])

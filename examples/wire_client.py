@@ -18,9 +18,9 @@ if len(given) > 3 or not count.isdecimal():
     sys.exit(f"{' '.join(given)}: expected ENDPOINT ROBOT POSES, as tcp/127.0.0.1:7447 robot 100")
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("scouting/multicast/enabled", "false")
 try:
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     session = zenoh.open(config)
 except zenoh.ZError:
     sys.exit(f"{endpoint}: no service: expected hsslam-serve --zenoh-port 7447")

@@ -51,6 +51,8 @@ DISPLAYS = (
     Variable("DISPLAY", "If it is set, `--viewer auto` opens a window."),
     Variable("WAYLAND_DISPLAY", "As `DISPLAY`."),
 )
+RAY_ADDRESS = Variable("RAY_ADDRESS", "Cluster of `hsslam-batch run --address auto`.")
+RAY_TLS = Variable("RAY_USE_TLS", "1: Ray uses TLS, with the certificates that Ray documents.")
 BENCH_DATA = Variable(
     "HSSLAM_TEST_DATA", "Folder of the sequences of `hsslam-bench` and the tests."
 )
@@ -62,6 +64,8 @@ VARIABLES = (
     TRITON_CACHE,
     COMPILER,
     *DISPLAYS,
+    RAY_ADDRESS,
+    RAY_TLS,
     BENCH_DATA,
 )
 

@@ -1,4 +1,5 @@
-"""Writes base.lock, dev.lock, ros2.lock and batch.lock, or checks that they fit pyproject.toml and torch.txt.
+"""Writes base.lock, dev.lock, ros2.lock and batch.lock, or checks that they fit
+pyproject.toml, torch.txt and batch_image.txt.
 
 python requirements/lock.py UV [--check | --upgrade]
 
@@ -26,9 +27,10 @@ LOCKS = {  # name: what it adds to the base
 }
 
 _HEADER = """\
-# Made by `make lock` from pyproject.toml and torch.txt: change those, not this.
+# Made by `make lock` from {}: change those, not this.
 # {}
 """
+_FROM = "pyproject.toml and torch.txt"
 _ALL = "Everything but PyTorch and what only PyTorch brings."
 _ADDED = {  # to base.lock
     "ros2.lock": "What the extra ros2 adds to base.lock.",
@@ -49,7 +51,7 @@ def main() -> None:
         if not options.check:
             path.write_text(text)
         elif not path.exists() or path.read_text() != text:
-            sys.exit(f"{FOLDER / name} does not fit pyproject.toml and torch.txt: run `make lock`")
+            sys.exit(f"{FOLDER / name} does not fit what it is made from: run `make lock`")
 
 
 def resolve(uv: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -95,7 +97,10 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
             )  # fmt: skip
             lines = target.read_text().splitlines(keepends=True)
             kept = [line for line in lines if not line.endswith(f"-c {everything}\n")]
-            texts[name] = _HEADER.format(_ADDED.get(name, _ALL)) + "".join(kept)
+            origin = (
+                _FROM if name != "batch.lock" else "pyproject.toml, torch.txt and batch_image.txt"
+            )
+            texts[name] = _HEADER.format(origin, _ADDED.get(name, _ALL)) + "".join(kept)
     return texts
 
 

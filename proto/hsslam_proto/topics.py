@@ -76,8 +76,8 @@ MESH_BLOCKS = Topic(
     keeps_state=True,
 )
 VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
-GRID = Topic("out/grid", Grid, "distances", "10 Hz", "latest", _MIB, history=1)
-ESDF = Topic("out/esdf", Esdf, "distances", "10 Hz", "latest", _MIB, logged=False)
+GRID = Topic("out/grid", Grid, "distances", "2 to 10 Hz", "latest", _MIB, history=1)
+ESDF = Topic("out/esdf", Esdf, "distances", "2 to 10 Hz", "latest", _MIB, logged=False)
 ESDF_BLOCKS = Topic(
     *("out/esdf_blocks", EsdfBlocks, "distances", "10 Hz", "keep", 4 * _MIB),
     logged=False,

@@ -18,7 +18,8 @@ from tests.two_sessions import FIRST, SECOND, saved_session
 _SECTIONS = dict(
     re.findall(r"^## ([^\n]*)\n(.*?)(?=^## )", (ROOT / "docs/maps.md").read_text(), re.M | re.S)
 )
-_MERGE = _SECTIONS["Merge two runs"]
+# a test of a whole run makes a fragment and merges it
+_MERGE = _SECTIONS["Merge two runs"].partition("### Merge a fragment")[0]
 _ASK = _SECTIONS["Query distances in a map"]
 _ROBOTS = _SECTIONS["Export a map to Nav2 and planners"]
 _TOOLS = _SECTIONS["Export a map to other tools"]

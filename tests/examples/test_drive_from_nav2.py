@@ -121,6 +121,7 @@ def test_a_plan_has_room_or_goes_through_the_wall(nav2):
 def test_no_router_and_bad_input_are_one_line(endpoint):
     for words, told in (
         (["tcp/127.0.0.1:1"], "tcp/127.0.0.1:1: no router: expected hsslam-serve"),
+        (["127.0.0.1:1"], "127.0.0.1:1: no router: expected hsslam-serve"),
         ([endpoint, "/one", "many"], "many: expected a number of commands"),
     ):
         done = run_script(_EXAMPLE, *words)

@@ -19,9 +19,10 @@ def test_it_needs_only_zenoh_and_msgpack():
 
 def test_no_service_is_one_line():
     endpoint = free_endpoint()
-    done = subprocess.run([sys.executable, EXAMPLE, endpoint], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr == f"{endpoint}: no service: expected hsslam-serve --zenoh-port 7447\n"
+    for given in (endpoint, endpoint.removeprefix("tcp/")):
+        done = subprocess.run([sys.executable, EXAMPLE, given], capture_output=True, text=True)
+        assert done.returncode == 1
+        assert done.stderr == f"{given}: no service: expected hsslam-serve --zenoh-port 7447\n"
 
 
 def test_no_run_of_the_robot_is_one_line():

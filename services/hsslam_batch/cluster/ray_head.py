@@ -1,9 +1,9 @@
 """Whether a Ray head answers at an address; Ray itself tries for minutes before it says that none does."""
 
-import os
 import socket
 from urllib.parse import urlsplit
 
+from hsslam_node.environment import RAY_ADDRESS, RAY_TLS
 from hsslam_node.errors import UserError
 
 _ANSWER_S = 10.0
@@ -21,22 +21,23 @@ def expect_ray_head(address: str) -> None:
     Raises:
         UserError: nothing answers there within 10 s, or something that is not Ray.
     """
-    named = os.environ.get("RAY_ADDRESS", "") if address == "auto" else address
+    named = RAY_ADDRESS.value() if address == "auto" else address
     shown = address if named == address else f"{address} (RAY_ADDRESS {named})"
-    parts = urlsplit(named if "://" in named else f"//{named}")
-    is_client = parts.scheme == _CLIENT
     try:
+        parts = urlsplit(named if "://" in named else f"//{named}")
+        is_client = parts.scheme == _CLIENT
         port = parts.port or (_CLIENT_PORT if is_client else None)
-    except ValueError:  # no number
+    except ValueError:  # no address: Ray says so
         return
     if parts.scheme not in ("", _CLIENT) or not parts.hostname or port is None:
         return
     try:
         _expect_answer(parts.hostname, port)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # UnicodeError: no name of a host
+        reason = (error.strerror if isinstance(error, OSError) else "") or error
         option = "--ray-client-server-port" if is_client else "--port"
         raise UserError(
-            f"--address {shown}: {error.strerror or error}: expected a running Ray head, as of `ray start "
+            f"--address {shown}: {reason}: expected a running Ray head, as of `ray start "
             f"--head {option} {port}` on {parts.hostname}"
         ) from None
 
@@ -46,7 +47,7 @@ def _expect_answer(host: str, port: int) -> None:
     OSError: nothing answers, or something that is not gRPC.
     """
     with socket.create_connection((host, port), _ANSWER_S) as peer:
-        if os.environ.get("RAY_USE_TLS", "0").lower() in ("1", "true"):  # as Ray reads it
+        if RAY_TLS.value().lower() in ("1", "true"):  # as Ray reads it
             return  # only those with a certificate learn more
         peer.sendall(_PREFACE + _NO_SETTINGS)
         head = b""

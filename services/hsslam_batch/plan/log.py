@@ -27,9 +27,8 @@ class Log:
     nbytes: int
     version: str  # digest of the files' names, sizes and times of change (store: tags)
     frames: int  # that the run uses; 0: not known before the run
-    beside_nbytes: int = (
-        0  # of the files beside it that are fetched with it; none of them is in `nbytes`
-    )
+    # of the files beside it that are fetched with it; none of them is in `nbytes`
+    beside_nbytes: int = 0
 
     @property
     def source(self) -> str:

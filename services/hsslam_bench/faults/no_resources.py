@@ -122,20 +122,31 @@ def _no_new_threads(run: LiveRun) -> Iterator[None]:
     group = root / f"hsslam-bench-{secrets.token_hex(4)}"
     try:
         group.mkdir()
-        supervisor = psutil.Process(run.process.pid)
-        for process in (supervisor, *supervisor.children(recursive=True)):
-            (group / "cgroup.procs").write_text(str(process.pid))
-        (group / "pids.max").write_text("0")
+        limit = group / "pids.max"
+        if not limit.exists():
+            raise CouldNotTellError(
+                f"{limit}: does not exist: expected control groups of processes"
+            )
+        _move(run, group)
+        limit.write_text("0")
+        yield
     except OSError as error:
         raise CouldNotTellError(f"{group}: {error.strerror}: expected control groups") from None
-    try:
-        yield
     finally:
-        (group / "pids.max").write_text("max")
-        with contextlib.suppress(OSError):  # a process ends while it is moved
-            for pid in (group / "cgroup.procs").read_text().split():
-                (root / "cgroup.procs").write_text(pid)
+        with contextlib.suppress(OSError):  # there is no group
+            (group / "pids.max").write_text("max")
+        with contextlib.suppress(OSError):
+            _move(run, root)
             group.rmdir()
+
+
+def _move(run: LiveRun, group: Path) -> None:
+    """Move all processes of the run to a control group."""
+    with contextlib.suppress(psutil.NoSuchProcess):  # the run has ended
+        supervisor = psutil.Process(run.process.pid)
+        for process in (supervisor, *supervisor.children(recursive=True)):
+            with contextlib.suppress(ProcessLookupError):
+                (group / "cgroup.procs").write_text(str(process.pid))
 
 
 def _hold(port: int, stopped: threading.Event) -> None:

@@ -2,7 +2,6 @@
 
 import contextlib
 import time
-from collections import defaultdict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -33,9 +32,8 @@ class AttachedRobot(AttachedViewer):
 
     def __init__(self, run_folder: Path, ros_router: str) -> None:
         super().__init__(run_folder)
-        self._run_file = run_folder / RUN_FILE
-        self._begin_s = time.time()
-        self._arrivals_ns: defaultdict[str, list[int]] = defaultdict(list)  # wall clock, by topic
+        names = [*(f"ros:{name}" for name in _ROS), *(topic.name for topic in _PLANNER)]
+        self._arrivals_ns: dict[str, list[int]] = {name: [] for name in names}  # wall clock
         self._ros = open_router(ros_router)
         self._subscribers = [
             self._ros.declare_subscriber(key, self._noted(f"ros:{name}"))
@@ -48,7 +46,7 @@ class AttachedRobot(AttachedViewer):
         super().poll()
         if self._planner is None and self._has_run():
             with contextlib.suppress(UserError):  # its router does not listen yet
-                run = RunInfo.read(self._run_file.parent)
+                run = RunInfo.read(self._run_folder)
                 self._planner = open_client(run.endpoint, timeout_s=0.1)
                 self._subscribers += [
                     self._planner.declare_subscriber(topic.key(run.robot), self._noted(topic.name))
@@ -57,7 +55,7 @@ class AttachedRobot(AttachedViewer):
 
     def found(self) -> dict[str, Any]:
         """The figures of the viewer, and the times of arrival, ns of the wall clock, by topic."""
-        return {**super().found(), "arrivals_ns": dict(self._arrivals_ns)}
+        return {**super().found(), "arrivals_ns": self._arrivals_ns}
 
     def close(self) -> None:
         """Disconnect, and end the viewer."""
@@ -69,7 +67,7 @@ class AttachedRobot(AttachedViewer):
     def _has_run(self) -> bool:
         """Whether the run folder is of this run, not of an earlier one."""
         with contextlib.suppress(OSError):
-            return self._run_file.stat().st_mtime >= self._begin_s
+            return (self._run_folder / RUN_FILE).stat().st_mtime >= self._since_s
         return False
 
     def _noted(self, name: str) -> Callable[[zenoh.Sample], None]:

@@ -11,6 +11,8 @@ from hsslam_node.fragments.fragment_map import fragment_map
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_services.artefacts.fragment_names import fragment_map_name
 
+_TURN_S = 0.2
+
 
 class FragmentFiles:
     """Saves one fragment at a time, in a thread: beside it, only the fragment in use is in memory."""
@@ -20,11 +22,15 @@ class FragmentFiles:
         run_dir: Path,
         slam: SlamConfig,
         tell: Callable[[Literal["info", "error"], str], None],
+        turn: Callable[[], object] = lambda: None,
     ) -> None:
-        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it."""
+        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it. `wait` calls
+        `turn` again and again. `failed` has the reason for each fragment that is not saved.
+        """
+        self.failed: dict[int, str] = {}
         self._run_dir = run_dir
         self._slam = slam
-        self._tell = tell
+        self._tell, self._turn = tell, turn
         self._saving: threading.Thread | None = None
 
     def save(self, fragment: Fragment) -> None:
@@ -41,7 +47,9 @@ class FragmentFiles:
     def wait(self) -> None:
         """Wait for the fragment that is being saved, if any."""
         if self._saving is not None:
-            self._saving.join()
+            while self._saving.is_alive():
+                self._saving.join(_TURN_S)
+                self._turn()
             self._saving = None
 
     def _save(self, fragment: Fragment) -> None:
@@ -50,7 +58,7 @@ class FragmentFiles:
             saved = fragment_map(fragment, self._slam)
             save_checkpoint(self._run_dir / name, saved)
         except Exception as error:  # of any kind: the run goes on, and saves all else
-            why = str(error) or type(error).__name__
+            why = self.failed[fragment.number] = str(error) or type(error).__name__
             self._tell("error", f"fragment {fragment.number} not saved: {why}")
         else:
             keyframes = len(saved.keyframe_stamps_ns)

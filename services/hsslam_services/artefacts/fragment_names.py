@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+FRAGMENTS_NOT_SAVED = "fragments_not_saved"  # in the summary of the tracker, reasons by number
 _TRAJECTORY, _MAP = "trajectory_fragment_", "map_fragment_"
 
 

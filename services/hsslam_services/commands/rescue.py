@@ -16,14 +16,14 @@ from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
 
-_LOG = "log"  # in `not_saved`; no arena holds the log
+_NOT_IN_ARENA = frozenset({"log", "fragments"})  # of the names in `not_saved`
 _GIVEN_UP = "a second signal ended the run"
 RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
 Saves the trajectories, map and mesh that a run could not write (exit code 4) and kept in shared memory.
 DIR is the run folder, or the folder in /dev/shm. When all three are saved, the command frees the memory.
-The memory does not hold the log: hsslam-log recover makes the log on disk readable. What a second signal
-gave up is lost.
+The memory does not hold the log: hsslam-log recover makes the log on disk readable. Fragments, and what a
+second signal gave up, are lost.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
 is interrupted."""
@@ -45,7 +45,7 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     arena_dir, run_dir = _places(given)
     if not arena_dir.exists():
         not_saved = read_summary(run_dir).get("not_saved")
-        if not_saved is not None and not_saved.keys() <= {_LOG}:
+        if not_saved is not None and not_saved.keys() <= _NOT_IN_ARENA:
             return _report_end(run_dir, not_saved)
         raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
     try:
@@ -110,7 +110,7 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
     known = read_summary(run_dir).get("not_saved") or {}
-    left = {name: line for name, line in known.items() if name == _LOG} | not_saved
+    left = {name: line for name, line in known.items() if name in _NOT_IN_ARENA} | not_saved
     try:
         update_summary(run_dir, {"not_saved": left}, replaced=("not_saved",))
     except OSError as error:
@@ -122,9 +122,9 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 
 
 def _report_end(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
-    """Report what no rescue can save: the log, and what a second signal gave up; the rest is saved."""
+    """Report what no rescue saves: log, fragments, and what a second signal gave up; the rest is saved."""
     lost = dict.fromkeys(read_summary(run_dir).get("given_up", ()), _GIVEN_UP)
-    lost |= {name: why for name, why in not_saved.items() if name == _LOG}
+    lost |= {name: why for name, why in not_saved.items() if name in _NOT_IN_ARENA}
     for name, why in lost.items():
         print(f"{run_dir}: {name} not saved: {why}", file=sys.stderr)
     if lost:

@@ -156,7 +156,7 @@ class ForkClient:
         except OSError as error:
             self._close_socket()
             if self._retry_s is None:
-                text = "processes start without it until it can"
+                text = f"tried again every {_RETRY_S:g} s; processes start without it meanwhile"
                 self.news.append(f"fork server {not_started(error)}: {text}")
             self._retry_s = time.monotonic() + _RETRY_S
         else:
@@ -207,8 +207,8 @@ class ForkClient:
         if self._policy.failed(now_s, now_s - self._started_s) is None:
             self.news.append(f"fork server {how}: too many restarts, processes start without it")
             return
-        self.news.append(f"fork server {how}: restarted")
         self.start()
+        self.news.append(f"fork server {how}{': restarted' if self._process is not None else ''}")
 
     def close(self) -> None:
         """End the fork server; its forks live on."""

@@ -140,7 +140,10 @@ def _fork(request: _Request, others: list[_Request]) -> bool:
     threads = len(list(Path("/proc/self/task").iterdir()))
     if threads > 1:
         sys.exit(f"error: fork server: {threads} threads: expected 1: cannot fork")
-    child = os.fork() if request.is_wanted() else None
+    try:
+        child = os.fork() if request.is_wanted() else None
+    except OSError:  # no more processes: the supervisor finds the link closed, and tries by itself
+        child = None
     if child != 0:
         if child is not None:
             os.waitpid(child, 0)

@@ -28,6 +28,7 @@ from hsslam_services.arena.asked_place import AskedPlace
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.fragment_files import FragmentFiles
+from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -98,7 +99,9 @@ class _TrackerLoop:
         self._events = TrackingEvents(worker, self._link)
         self._tracker: FrameTracker | None = None
         options = worker.options
-        self._fragments = FragmentFiles(worker.run.path, options.slam, worker.event)
+        self._fragments = FragmentFiles(
+            worker.run.path, options.slam, worker.event, worker.should_stop
+        )
         self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
         self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
@@ -187,6 +190,8 @@ class _TrackerLoop:
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
         self._fragments.wait()
+        if self._fragments.failed:
+            self._worker.add_to_summary({FRAGMENTS_NOT_SAVED: self._fragments.failed})
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

@@ -171,7 +171,7 @@ class ServeOptions:
     """Pose of the IMU in the camera's optical frame: x y z qx qy qz qw, m (none: from /tf_static of ROS, else
     the camera's centre and axes)."""
     grid: bool = False
-    """Publish free cells and distances around the camera, ten times a second."""
+    """Publish free cells and distances around the camera, up to ten times a second."""
     grid_from_height_m: float = 0.15
     """With --grid: lowest height of obstacles above the floor, m."""
     grid_to_height_m: float = 1.6

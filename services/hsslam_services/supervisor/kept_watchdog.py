@@ -24,7 +24,7 @@ class KeptWatchdog:
     def __init__(self, run_dir: Path, arena_dir: Path, policy: RestartPolicy | None = None) -> None:
         self.news: list[str] = []
         self._run_dir, self._arena_dir = run_dir, arena_dir
-        self._policy = policy or RestartPolicy(first_delay_s=0.5, longest_delay_s=60.0)
+        self._policy = policy or RestartPolicy(first_delay_s=0.5, longest_delay_s=10.0)
         self._process: subprocess.Popen | None = None
         self._due_s: float | None = None  # of the next start; None: it runs, or there were too many
         self._start()
@@ -42,7 +42,7 @@ class KeptWatchdog:
                 self._failed(str(error), 0.0)
 
     def expect_end(self) -> None:
-        """Wait for the watchdog, which ends when the arena is removed or marked as unsaved; else kill it."""
+        """Wait for the watchdog after the arena is removed or marked; see `one_shot.expect_end`."""
         if self._process is not None:
             expect_end(self._process)
 
@@ -55,5 +55,5 @@ class KeptWatchdog:
         now_s = time.monotonic()
         delay_s = self._policy.failed(now_s, worked_s)
         self._due_s = None if delay_s is None else now_s + delay_s
-        then = f"too many restarts: {_LATER}" if delay_s is None else "restarted"
+        then = f"too many restarts: {_LATER}" if delay_s is None else f"restart in {delay_s:g} s"
         self.news.append(f"{what}: {then}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import frames_dropped
 from hsslam_services.launch.child import Child
@@ -63,6 +64,7 @@ class OrderlyEnd:
         self._stop(CAMERA_STAGE)
         self._drain()
         self._stop(TRACKER_STAGE)
+        self._check_fragments()
         self._save("trajectories", TRAJECTORY_SAVER, patience=2 if self.state.tracked else 1)
         saved_at = self._pose_version()
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
@@ -138,6 +140,13 @@ class OrderlyEnd:
 
     def _done(self, what: str) -> None:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))
+
+    def _check_fragments(self) -> None:
+        """Miss the fragments that the tracker could not save."""
+        failed = read_result(self.run.path, "tracker").summary.get(FRAGMENTS_NOT_SAVED, {})
+        if failed:
+            why = "; ".join(f"fragment {number}: {reason}" for number, reason in failed.items())
+            self.miss("fragments", why)
 
     def _check_log(self) -> None:
         """Check by the recorder's result that the log is complete."""

@@ -7,6 +7,7 @@ from threading import Thread
 import pytest
 
 from hsslam_batch.cluster.connect import connected
+from hsslam_batch.cluster.ray_head import expect_ray_head
 from hsslam_node.errors import UserError
 
 
@@ -107,3 +108,14 @@ def test_a_port_on_which_something_else_answers_is_one_line(starts: list[str]):
         assert _refusal(here).startswith(told)
         server.shutdown()
     assert not starts
+
+
+@pytest.mark.parametrize("address", ["[::1:6379", "ray://[::1", "[foo]:1"])
+def test_what_is_no_address_is_left_to_ray(address: str):
+    expect_ray_head(address)
+
+
+@pytest.mark.parametrize("host", ["a..b", "a" * 70])
+def test_what_is_no_name_of_a_host_is_one_line(host: str):
+    with pytest.raises(UserError, match=rf"--address {host}:6379: .*: expected a running Ray head"):
+        expect_ray_head(f"{host}:6379")

@@ -41,6 +41,7 @@ def test_a_fragment_that_cannot_be_saved_costs_nothing_else(tmp_path: Path):
     path = tmp_path / "no" / "map_fragment_1.safetensors"
     assert level == "error"
     assert text.startswith(f"fragment 1 not saved: {path}: cannot write the map: ")
+    assert files.failed == {1: text.removeprefix("fragment 1 not saved: ")}
 
 
 def test_the_trajectory_beside_a_map_is_in_its_world(tmp_path: Path):

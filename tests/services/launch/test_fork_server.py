@@ -141,7 +141,7 @@ def test_one_that_cannot_be_started_is_tried_again(run: RunInfo, monkeypatch: py
     try:
         link.start()
         link.tick()
-        assert len(link.news) == 1 and "processes start without it" in link.news[0]
+        assert len(link.news) == 1 and "tried again every" in link.news[0]
         assert link.pid is None
         log.rmdir()
         process = _start(link, run, "obedient")

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 
+from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import FINAL_MAP_SAVER, MESH_SAVER, PROCESSES
+from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
 
 
@@ -32,3 +34,14 @@ def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_
     ]
     assert end.given_up == ["mesh"]
     assert MESH_SAVER not in begun
+
+
+def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
+    failed = ProcessResult(summary={FRAGMENTS_NOT_SAVED: {2: "the disk is full"}})
+    write_result(run_info.path, "tracker", failed)
+    children = {spec.name: Child(spec, run_info.path) for spec in PROCESSES}
+    end = OrderlyEnd(
+        run_info, children, RunState(), lambda: None, lambda *_: "", lambda: 1, lambda _: None
+    )
+    end.to_the_end()
+    assert end.not_saved == {"fragments": "fragment 2: the disk is full"}
