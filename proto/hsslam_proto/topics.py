@@ -79,7 +79,7 @@ VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
 GRID = Topic("out/grid", Grid, "distances", "2 to 10 Hz", "latest", _MIB, history=1)
 ESDF = Topic("out/esdf", Esdf, "distances", "2 to 10 Hz", "latest", _MIB, logged=False)
 ESDF_BLOCKS = Topic(
-    *("out/esdf_blocks", EsdfBlocks, "distances", "10 Hz", "keep", 4 * _MIB),
+    *("out/esdf_blocks", EsdfBlocks, "distances", "2 to 10 Hz", "keep", 4 * _MIB),
     logged=False,
     keeps_state=True,
 )

@@ -1,7 +1,7 @@
 """Rows of a full service: recorder, mesher, BA, a viewer that reads or is frozen, a robot that takes all."""
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from hsslam_bench.checks import live_figures
@@ -35,32 +35,38 @@ def viewer_checks() -> list[Check]:
 
 
 def _at_30_hz(sequence: str) -> list[Check]:
-    def tracked(session: Session) -> Measured:
-        return live_figures.tracked(finished(session.viewer(sequence)), _TRACKED)
-
-    def latency(session: Session) -> Measured:
-        return live_figures.latency(finished(session.viewer(sequence)), "p99", _P99_MS)
+    def run(session: Session) -> ServeRun:
+        return finished(session.viewer(sequence))
 
     def iterations(session: Session) -> Measured:
-        return live_figures.iterations(finished(session.viewer(sequence)), _ITERATIONS_HZ)
-
-    def accuracy(session: Session) -> Measured:
-        run = finished(session.viewer(sequence))
-        return live_figures.accuracy(run, finished(session.lockstep(sequence)), _ATE_FACTOR)
+        return live_figures.iterations(run(session), _ITERATIONS_HZ)
 
     name, of = f"viewer:{sequence}", f"{sequence}, 30 Hz, a viewer attached"
+    rate = f"{_ITERATIONS_HZ:g} a second"
+    return [
+        *_in_time(name, of, sequence, run),
+        Check(f"{name}:iterations", f"{of}: light mapping iterations", rate, iterations),
+    ]
+
+
+def _in_time(name: str, of: str, sequence: str, run: Callable[[Session], ServeRun]) -> list[Check]:
+    """The checks of a run that keeps up: frames, latency, accuracy."""
+
+    def tracked(session: Session) -> Measured:
+        return live_figures.tracked(run(session), _TRACKED)
+
+    def latency(session: Session) -> Measured:
+        return live_figures.latency(run(session), "p99", _P99_MS)
+
+    def accuracy(session: Session) -> Measured:
+        lockstep = finished(session.lockstep(sequence))
+        return live_figures.accuracy(run(session), lockstep, _ATE_FACTOR)
+
+    limit, factor = f"p99 {_P99_MS:g} ms", f"{_ATE_FACTOR:g} x lockstep"
     return [
         Check(f"{name}:tracked", f"{of}: frames tracked after the first", "99%", tracked),
-        Check(
-            f"{name}:latency", f"{of}: latency to published pose", f"p99 {_P99_MS:g} ms", latency
-        ),
-        Check(
-            f"{name}:iterations",
-            f"{of}: light mapping iterations",
-            f"{_ITERATIONS_HZ:g} a second",
-            iterations,
-        ),
-        Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", f"{_ATE_FACTOR:g} x lockstep", accuracy),
+        Check(f"{name}:latency", f"{of}: latency to published pose", limit, latency),
+        Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", factor, accuracy),
     ]
 
 
@@ -91,35 +97,24 @@ def robot_checks() -> list[Check]:
 
 
 def _with_robot(sequence: str) -> list[Check]:
-    def tracked(session: Session) -> Measured:
-        return live_figures.tracked(_robot_run(session, sequence), _TRACKED)
-
-    def latency(session: Session) -> Measured:
-        return live_figures.latency(_robot_run(session, sequence), "p99", _P99_MS)
+    def run(session: Session) -> ServeRun:
+        return _robot_run(session, sequence)
 
     def rates(session: Session) -> Measured:
-        run = _robot_run(session, sequence)
-        if run.log.tracking_ns is None:
+        log, arrivals_ns = run(session).log, run(session).outside["arrivals_ns"]
+        if log.tracking_ns is None:
             return Measured("no pose after the first", False)
-        found = rates_hz(run.outside["arrivals_ns"], *run.log.tracking_ns)
+        found = rates_hz(arrivals_ns, *log.tracking_ns)
         slowest = min(found[topic.name] for topic in (topics.GRID, topics.ESDF, topics.ESDF_BLOCKS))
         text = ", ".join(f"{name} {hz:.1f}" for name, hz in found.items())
         is_ok = slowest >= _GRID_SHARE * _GRID_HZ and min(found.values()) > 0
         return Measured(f"{text} a second", is_ok, found, slowest, "higher")
 
-    def accuracy(session: Session) -> Measured:
-        run = _robot_run(session, sequence)
-        return live_figures.accuracy(run, finished(session.lockstep(sequence)), _ATE_FACTOR)
-
     name, of = f"robot:{sequence}", f"{sequence}, 30 Hz, --grid and --ros2-out taken, a viewer"
     rate = f"grid and distances {_GRID_HZ:g} Hz"
     return [
-        Check(f"{name}:tracked", f"{of}: frames tracked after the first", "99%", tracked),
-        Check(
-            f"{name}:latency", f"{of}: latency to published pose", f"p99 {_P99_MS:g} ms", latency
-        ),
+        *_in_time(name, of, sequence, run),
         Check(f"{name}:rates", f"{of}: messages that arrive", rate, rates),
-        Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", f"{_ATE_FACTOR:g} x lockstep", accuracy),
     ]
 
 
