@@ -1,39 +1,89 @@
 """Whether a place has changed since a keyframe of a saved map showed it; apart, as it knows no cells."""
 
+import cv2
 import numpy as np
 
-from hsslam_node.geometry.projection import project, world_points
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.projection import pixel_rays, project
+from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore
 
-_STRIDE = 24 / 640  # of the width of the image
-_MARGIN_M, _MARGIN_SLOPE = 0.05, 0.02  # a surface is seen through from first + second z^2 on, m
-_CHANGED = 0.03  # share of the points; the same frames once more: at most 0.01
+_STRIDE = 8 / 640  # of the width of the image
+_MARGIN_M, _MARGIN_SLOPE = 0.05, 0.01  # a surface is seen through from first + second z^2 on, m
+_CHANGED_M2 = 0.015  # of surface; the same frames once more: less
+_PATCH = np.ones((3, 3), np.uint8)  # samples that must all be seen through: edges are narrower
+_NEAR, _NEAR_M = 1.5, 0.6  # a recent view is at most first x the nearest's distance + second away
+_SHARED = 0.5  # of the samples, which it must have in view
+_ENOUGH = 6  # views that agree on a change; the evidence of `distance/occupancy.py` needs as many
 
 
 def has_changed(store: KeyframeStore, k: int, earlier: np.ndarray) -> bool:
-    """Whether keyframe k sees through surface that the one of `earlier` [n] with the nearest view shows, or
-    shows surface that this one sees through; 2 ms.
+    """Whether keyframe k sees through surface that keyframes of `earlier` [n], the oldest first, show, or
+    shows surface that these see through; 4 ms.
+
+    Three of them answer: of the near views the newest and the sixth newest, so that a change counts until six
+    views show it; and the nearest, for what the sixth did not measure.
 
     Raises:
-        RetiredKeyframeError: one of the two is not kept.
+        RetiredKeyframeError: one of them is not kept.
     """
-    poses = store.poses_of(earlier)
-    nearest = int(view_distance(store.pose(k), poses).argmin())
-    j = int(earlier[nearest])
-    return max(_seen_through(store, j, k), _seen_through(store, k, j)) > _CHANGED
+    away = view_distance(store.pose(k), store.poses_of(earlier))
+    nearest = int(earlier[away.argmin()])
+    recent = _recent_views(store, k, earlier[away <= _NEAR * away.min() + _NEAR_M])
+    newer = [j for j in recent[_ENOUGH - 1 :] if j > nearest]
+    asked = {nearest: newer} | {j: [] for j in (*recent[:1], *recent[-1:])}
+    return any(
+        _seen_through_m2(store, shown_by, seen_by, but) >= _CHANGED_M2
+        for j, but in asked.items()
+        for shown_by, seen_by in ((j, k), (k, j))
+    )
 
 
-def _seen_through(store: KeyframeStore, shown_by: int, seen_by: int) -> float:
-    """Share of the surface of one keyframe, as far as the other looks there, that this one sees through."""
-    camera, units_per_m = store.camera, store.depth_units_per_m
-    stride_px = max(1, round(_STRIDE * camera.width_px))
-    depth_m = store.pixels(shown_by)[1] / units_per_m
-    points = world_points(depth_m, camera, store.pose(shown_by), stride_px)
-    u, v, z = project(points, camera, inverse(store.pose(seen_by)))
+def _recent_views(store: KeyframeStore, k: int, near: np.ndarray) -> list[int]:
+    """Up to six of the keyframes `near` that have half of the samples of k in view, the newest first."""
+    points, _, known = _samples(store, k)
+    recent: list[int] = []
+    for j in reversed(near.tolist()):
+        if np.mean(np.isfinite(_behind(store, points, j)[known])) > _SHARED:
+            recent.append(j)
+            if len(recent) == _ENOUGH:
+                break
+    return recent
+
+
+def _seen_through_m2(store: KeyframeStore, shown_by: int, seen_by: int, but: list[int]) -> float:
+    """Area of the coherent surface of one keyframe that another sees through, without what those of `but`
+    measured there or behind it, m2."""
+    points, depth_m, known = _samples(store, shown_by)
+    is_gone = known & (_behind(store, points, seen_by) > 1)
+    for j in but:
+        is_gone &= ~(_behind(store, points, j) > -1)
+    patches = cv2.morphologyEx(is_gone.astype(np.uint8), cv2.MORPH_OPEN, _PATCH)
+    sample_m2 = (_stride_px(store) / store.camera.fx * depth_m) ** 2
+    return float(np.sum(sample_m2[patches > 0]))
+
+
+def _samples(store: KeyframeStore, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points [h, w, 3] m in the world of every `_stride_px`-th pixel, their depth and whether it is known."""
+    stride_px = _stride_px(store)
+    depth_m = store.pixels(k)[1][::stride_px, ::stride_px] / store.depth_units_per_m
+    v, u = stride_px * np.indices(depth_m.shape)
+    points = pixel_rays(u, v, store.camera) * depth_m[..., None]
+    return transformed(store.pose(k), points), depth_m, depth_m > 0
+
+
+def _behind(store: KeyframeStore, points: np.ndarray, seen_by: int) -> np.ndarray:
+    """How far behind points [h, w, 3] a keyframe measured surface, [h, w] margins; nan: it measured none."""
+    camera = store.camera
+    u, v, z = project(points.reshape(-1, 3), camera, inverse(store.pose(seen_by)))
     u, v = np.round(u).astype(int), np.round(v).astype(int)
     inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
-    u, v, z = u[inside], v[inside], z[inside]
-    behind_m = store.pixels(seen_by)[1][v, u] / units_per_m - z
-    return float(np.mean(behind_m > _MARGIN_M + _MARGIN_SLOPE * z**2)) if len(z) else 0.0
+    z = z[inside]
+    depth_m = store.pixels(seen_by)[1][v[inside], u[inside]] / store.depth_units_per_m
+    behind = np.full(len(inside), np.nan)
+    behind[inside] = (depth_m - z) / np.where(depth_m > 0, _MARGIN_M + _MARGIN_SLOPE * z**2, np.nan)
+    return behind.reshape(points.shape[:-1])
+
+
+def _stride_px(store: KeyframeStore) -> int:
+    return max(1, round(_STRIDE * store.camera.width_px))
