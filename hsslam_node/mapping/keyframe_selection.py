@@ -16,6 +16,7 @@ _FULL = 0.95  # of the capacity: above it the fewest stay
 _COMPARED = 64  # kept keyframes that are compared to choose one that retires
 _AT_A_TIME = 16  # keyframes whose cells are computed in one call, 2 ms each
 _MOVED_AT_A_TIME = 8  # the same for keyframes that a correction moved
+_NEW_AT_THE_END = 0.02  # share of the cells of a keyframe, of which no surface may be lost
 
 
 class _Counted(NamedTuple):
@@ -49,6 +50,7 @@ class KeyframeSelection:
         self._pose_version = 0  # of the store, for `_moved`
         self._next = 0  # index of the next kept keyframe to compare
         self._saved_counts: CellCounts | None = None  # of keyframes of the loaded map, at the end
+        self._last_counts = CellCounts()  # of these and of the run's keyframes that stay
         self._next_own = 0  # first keyframe that is not compared with the loaded map
 
     def select(self, store: KeyframeStore) -> int:
@@ -80,34 +82,42 @@ class KeyframeSelection:
             retired += 1
         return retired
 
-    def select_last(self, store: KeyframeStore) -> bool:
-        """At the end of a run that continues a saved map, retire the keyframes that show what this map shows,
-        but the newest; some in each call. Returns whether to call it again.
+    def select_last(self, store: KeyframeStore) -> int:
+        """At the end of a run that continues a saved map, retire keyframes that show what this map shows, but
+        the newest; some in each call. Returns how many are not compared with it yet: call it until 0.
 
-        A keyframe shows it if keyframes of the map show all but `new_share` of its cells, and nothing has
-        been moved there since (`has_changed`). It serves bundle adjustment until the end.
+        A keyframe stays if keyframes of the map do not show more than `new_share` of its cells, if they and
+        the keyframes that stay do not show more than 2 % of them, or if something has been moved there since
+        (`has_changed`).
         """
         kept, inherited = store.kept(), store.inherited
-        saved = kept[kept < inherited]
-        if len(saved) == 0:
-            return False
+        saved, own = kept[kept < inherited], kept[kept >= max(inherited, self._next_own)][:-1]
+        if len(saved) == 0 or len(own) == 0:
+            return 0
+        self._follow_corrections(store)
         uncounted = [int(k) for k in saved if k not in self._counted]
         for k in uncounted[:_AT_A_TIME]:
             self._count(k, self._cells_of(store, k))
-        if uncounted:
-            return True
+        if uncounted or self._moved:
+            return len(own)
         if self._saved_counts is None:
             self._saved_counts = CellCounts()
             for k in saved:
                 self._saved_counts.add(self._counted[int(k)].places, 1)
-        own = [int(k) for k in kept[:-1] if k >= max(inherited, self._next_own)]
-        for k in own[:_AT_A_TIME]:
+                self._last_counts.add(self._counted[int(k)].places, 1)
+            self._last_counts.add(self._cells_of(store, int(kept[-1])).places, 1)
+        for k in own[:_AT_A_TIME].tolist():
             self._next_own = k + 1
             places = (self._counted.get(k) or self._cells_of(store, k)).places
-            unseen = np.mean(self._saved_counts.of(places) == 0) if places.shape[1] else 1.0
-            if unseen <= self._config.new_share and not has_changed(store, k, saved):
+            if (
+                _unseen(self._saved_counts, places) > self._config.new_share
+                or _unseen(self._last_counts, places) > _NEW_AT_THE_END
+                or has_changed(store, k, saved)
+            ):
+                self._last_counts.add(places, 1)
+            else:
                 self._retire(store, k, saved)
-        return len(own) > _AT_A_TIME
+        return len(own[_AT_A_TIME:])
 
     def _follow_corrections(self, store: KeyframeStore) -> None:
         """Count some keyframes again that a correction has moved by more than half a cell."""
@@ -160,3 +170,8 @@ class KeyframeSelection:
         away = view_distance(store.pose(k), store.poses_of(anchors))
         store.retire(k, int(anchors[away.argmin()]))
         return 1
+
+
+def _unseen(counts: CellCounts, places: np.ndarray) -> float:
+    """Share of the cells at places [2, n] that no counted keyframe shows; 1 without cells."""
+    return float(np.mean(counts.of(places) == 0)) if places.shape[1] else 1.0

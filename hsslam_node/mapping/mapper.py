@@ -93,9 +93,9 @@ class Mapper:
         """Retire redundant keyframes; returns how many."""
         return self._selection.select(store)
 
-    def select_last(self, store: KeyframeStore) -> bool:
-        """After the last iterations of a run that continues a saved map: retire keyframes that show only what
-        this map shows, some in each call; returns whether to call it again."""
+    def select_last(self, store: KeyframeStore) -> int:
+        """Before the last iterations of a run that continues a saved map: retire keyframes that show only
+        what this map shows, some in each call; returns how many are not compared yet."""
         return self._selection.select_last(store)
 
     def grow_bound(self, store: KeyframeStore) -> Bound | None:

@@ -16,7 +16,6 @@ from tests.small_room import room_frames, room_poses
 
 CONFIG = KeyframeConfig(recent=4)
 VIEWS = range(0, 40, 4)
-IDENTITY = np.eye(4)
 
 
 class Run:
@@ -167,58 +166,6 @@ def test_a_saved_map_that_is_too_large_loses_no_part_as_a_whole():
         assert run.selection.select(run.store)
     kept = run.store.kept()
     assert kept[0] == 0 and np.diff(kept).max() <= 12
-
-
-def _continue(run: Run, T: np.ndarray = IDENTITY) -> list[int]:
-    """Make the keyframes those of a saved map, go the way once more, moved by T, and end; the new keyframes
-    that are kept. Before the end all are."""
-    run.store.mark_inherited()
-    run.selection = KeyframeSelection(replace(CONFIG, views=40), 12.0)
-    for k in VIEWS:
-        run.see(room_frames()[k], T @ room_poses()[k])
-    assert len(run.store.kept()) == run.store.count
-    while run.selection.select_last(run.store):
-        pass
-    kept = run.store.kept()
-    return kept[kept >= run.store.inherited].tolist()
-
-
-def test_of_views_that_a_saved_map_shows_one_keyframe_stays():
-    run = Run()
-    run.go()
-    before = run.store.poses()
-    assert _continue(run) == [run.store.count - 1]
-    np.testing.assert_allclose(run.store.poses()[len(VIEWS) :], before, atol=1e-9)
-
-
-def test_all_that_a_saved_map_does_not_show_stays():
-    run = Run()
-    run.go()
-    assert len(_continue(run, se3_exp(np.array([0, 0, 0, 0, np.pi, 0])))) == len(VIEWS)
-
-
-def test_without_a_saved_map_the_end_retires_none():
-    run = Run()
-    run.go()
-    run.go()
-    before = run.store.kept()
-    assert not run.selection.select_last(run.store)
-    np.testing.assert_array_equal(run.store.kept(), before)
-
-
-def test_where_something_was_carried_away_new_keyframes_stay():
-    run = Run()
-    run.go(range(2, 40, 4))  # they show the wall behind it
-    for k in VIEWS:
-        run.see(_with_a_box(room_frames()[k]), room_poses()[k])
-    assert len(_continue(run)) == len(VIEWS)
-
-
-def _with_a_box(frame: Frame) -> Frame:
-    """The frame with a box 0.5 m before the surface, on 7 % of the image."""
-    depth_raw = frame.depth_raw.copy()
-    depth_raw[45:75, 58:102] -= np.uint16(0.5 * frame.depth_units_per_m)
-    return replace(frame, depth_raw=depth_raw)
 
 
 def test_cells_are_those_of_surface_side_distance_and_light():

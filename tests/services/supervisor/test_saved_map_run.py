@@ -56,15 +56,16 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
     assert len(apart_m) == 8 and apart_m.max() < 0.02
 
     continued = serve(
-        *(*SMALL_ROOM, "--start", "8", "--frames", "8", "--pace", "lockstep", "--map", str(saved)),
+        *(*SMALL_ROOM, "--frames", "16", "--pace", "lockstep", "--map", str(saved)),
         *("--slam.mapper.pose-rate", "0.001", "--slam.mesher.final-voxel-m", "0.2"),
     )
     assert continued.finish() == 0, continued.stderr
     corrected = read_tum(continued.out / "trajectory.txt")
     online = read_tum(continued.out / "trajectory_online.txt")
     assert np.abs(corrected.positions - online.positions).max() > 1e-6
-    assert len(read_tum(continued.out / "keyframes.txt")) > 1  # all in view of the map: one stays
-    assert len(load_checkpoint(continued.out / "map.safetensors").keyframe_stamps_ns) == known + 1
+    new = len(read_tum(continued.out / "keyframes.txt"))
+    in_map = len(load_checkpoint(continued.out / "map.safetensors").keyframe_stamps_ns)
+    assert known + 1 <= in_map < known + new  # the map shows nearly all of this
     found = logged_poses(log_parts(str(continued.out), print))
     np.testing.assert_allclose(found.final.T_world_cam, corrected.T_world_cam, atol=1e-8)
 
