@@ -124,7 +124,11 @@ class Slam:
                 yield self.process(frame)
 
     def finish(self) -> None:
-        """Run the last iterations, after the last frame; a fragment that can join the map joins first."""
+        """Run the last iterations, after the last frame; a fragment that can join the map joins first.
+
+        If the run continues a saved map, its keyframes that show only what this map shows retire before the
+        iterations.
+        """
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
@@ -132,11 +136,11 @@ class Slam:
                 self._adjust(self._ba, self.store)
             self._map_new(before)
         if self._mapper and self.store and self.parameters and not self.localise_only:
+            while self._mapper.select_last(self.store):
+                pass
             for _ in range(self._mapper.last_iterations(self.store)):
                 self._mapper.refine_sparse(self.store)
             self._mapper.publish()
-            while self._mapper.select_last(self.store):
-                pass
 
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: many iterations after the first, a few after each keyframe.

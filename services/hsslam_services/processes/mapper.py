@@ -36,6 +36,7 @@ from hsslam_services.launch.worker_device import tell_device, worker_device
 _POLL_S = 0.05
 _LONGEST_BACKLOG = 6  # keyframes whose iterations may wait in real time
 _SLICE = 32  # last iterations between checks of signals and clock
+_RETIRING_SHARE = 0.25  # of --finish-s, to compare keyframes with those of the loaded map
 _SAVING_S = 1.0  # time reserved to save the map at the end,
 _SAVING_FACTOR = 2.0  # and this times the time of the first save
 
@@ -47,8 +48,8 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
     _follow_keyframes(worker, loop)
-    loop.do_last_iterations()
     loop.retire_known()
+    loop.do_last_iterations()
     loop.publish_all_poses()
 
 
@@ -192,6 +193,24 @@ class _MapperLoop:
             self._worker.count("growths")
             self._worker.event("info", f"the map grows to {sides} m")
 
+    def retire_known(self) -> None:
+        """In a run that continues a saved map, retire keyframes that show only what it shows, as many as a
+        quarter of the time for the end of the run allows."""
+        store = self._link.store()
+        if store is None or self._mapper is None or not self._mode.may_change:
+            return
+        quarter_s = _RETIRING_SHARE * self._worker.options.finish_budget_s
+        end_s = min(self._last_iterations_end_s(), time.monotonic() + quarter_s)
+        own = int((store.kept() >= store.inherited).sum()) if store.inherited else 0
+        left = max(own - 1, 0)  # the newest stays
+        while left and time.monotonic() < end_s and not self._worker.is_orphan():
+            left = self._mapper.select_last(store)
+            self._worker.should_stop()  # counts as a turn of the loop
+        if left:
+            what = "keyframe was" if left == 1 else "keyframes were"
+            why = "--finish-s allows no more"
+            self._worker.event("info", f"{left} {what} not compared with the loaded map: {why}")
+
     def do_last_iterations(self) -> None:
         """Do the iterations of the newest keyframes, as of a fragment that joins the map at the end. Then do
         the last iterations, over all keyframes, as many as the time before the map's saving allows.
@@ -229,16 +248,6 @@ class _MapperLoop:
             self._worker.event(
                 "info", f"{done} of {n} last iterations done: --finish-s allows no more"
             )
-
-    def retire_known(self) -> None:
-        """In a run that continues a saved map, retire keyframes that show only what it shows."""
-        store, end_s = self._link.store(), self._last_iterations_end_s()
-        if store is None or self._mapper is None or not self._mode.may_change:
-            return
-        while time.monotonic() < end_s and not self._worker.is_orphan():
-            if not self._mapper.select_last(store):
-                break
-            self._worker.should_stop()  # counts as a turn of the loop
 
     def publish_all_poses(self) -> None:
         """If mapping refines poses, publish those of all keyframes, as corrections leave some out."""

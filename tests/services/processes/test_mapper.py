@@ -77,6 +77,51 @@ def test_last_iterations_end_in_time_for_the_map_to_be_saved(
     assert (done > 0) == is_begun and took_s < 0.5 * budget_s
 
 
+class _Ended(Worker):
+    """The source ends when the process is ready; the map must be on disk in `left_s` and 1 s for a save."""
+
+    left_s: float
+
+    def ready(self) -> None:
+        super().ready()
+        since_s = self.options.finish_budget_s - 1.0 - self.left_s
+        MapState(self.run.arena_dir).stopped_ns = time.monotonic_ns() - int(1e9 * since_s)
+        self.stop_event().set()
+
+
+def _continued(make_run: Callable[..., RunInfo], left_s: float) -> KeyframeStore:
+    """The keyframes of a run in real time that has shown a view of a saved map eight times more, and has
+    ended. Its last iterations take longer than it may."""
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2, last_iterations=10_000)
+    run, store, _ = _begun(make_run, pace="realtime", mapper=quick)
+    store.mark_inherited()
+    for _ in range(8):
+        store.append(room_frames()[0], room_poses()[0])
+    with _Ended("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        worker.left_s = left_s
+        mapper._run(worker)
+    return store
+
+
+def test_known_keyframes_retire_before_the_last_iterations_which_use_up_the_time(
+    make_run: Callable[..., RunInfo], capsys: pytest.CaptureFixture[str]
+):
+    store = _continued(make_run, left_s=0.7)
+    assert store.kept().tolist() == [0, 8]
+    told = capsys.readouterr().err
+    assert "last iterations done: --finish-s allows no more" in told
+    assert "not compared" not in told
+
+
+def test_keyframes_that_no_time_is_left_to_compare_stay_and_are_told(
+    make_run: Callable[..., RunInfo], capsys: pytest.CaptureFixture[str]
+):
+    store = _continued(make_run, left_s=-1.0)
+    assert store.kept().tolist() == list(range(9))
+    told = "info: 7 keyframes were not compared with the loaded map: --finish-s allows no more"
+    assert told in capsys.readouterr().err
+
+
 class _StoppedAtFirst(mapper._MapperLoop):
     """The supervisor ends the process while it does the first of the waiting iterations."""
 
