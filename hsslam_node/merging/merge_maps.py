@@ -101,8 +101,10 @@ def merge_maps(
     solved, meetings = JoinedGraph(store, seam, config, seed).solve(meetings, track)
     places = _expect_places(first, second, meetings)
     store.correct_poses(np.arange(len(solved)), solved)
+    first_iterations = 0 if saved.is_fitted else config.mapper.first_iterations
     new = count if saved.is_fitted else seam + count
-    _refit(store, parameters, new, config, seed, device, track)
+    iterations = first_iterations + config.mapper.iterations * new
+    _refit(store, parameters, iterations, config, seed, device, track)
     parts = (
         Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
         Trajectory(other.keyframe_stamps_ns, poses),
@@ -124,16 +126,16 @@ def _max_depth_m(*maps: MapCheckpoint) -> float:
 def _refit(
     store: KeyframeStore,
     parameters: FieldParameters,
-    new: int,
+    iterations: int,
     config: SlamConfig,
     seed: int,
     device: Device,
     track: Track,
 ) -> None:
-    """Fit the map: the mapping iterations of a run for `new` keyframes, then a run's last iterations."""
+    """Fit the map: this many iterations, then a run's last iterations."""
     mapper = Mapper(config, parameters, seed, device)
     mapper.grow_bound(store)
-    iterations = config.mapper.iterations * new + mapper.last_iterations(store)
+    iterations += mapper.last_iterations(store)
     for _ in track(range(iterations), description="map"):
         mapper.refine_sparse(store)
     mapper.publish()
