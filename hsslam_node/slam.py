@@ -127,7 +127,7 @@ class Slam:
         """Run the last iterations, after the last frame; a fragment that can join the map joins first.
 
         If the run continues a saved map, its keyframes that show only what this map shows retire before the
-        iterations.
+        iterations: mesh, queries and the saved map come from those that stay.
         """
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
