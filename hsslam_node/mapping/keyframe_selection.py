@@ -16,7 +16,7 @@ _FULL = 0.95  # of the capacity: above it the fewest stay
 _COMPARED = 64  # kept keyframes that are compared to choose one that retires
 _AT_A_TIME = 16  # keyframes whose cells are computed in one call, 2 ms each
 _MOVED_AT_A_TIME = 8  # the same for keyframes that a correction moved
-_NEW_AT_THE_END = 0.02  # share of the cells of a keyframe, of which no surface may be lost
+_NEW_AT_THE_END = 0.02  # a keyframe stays if no other shows a larger share of its cells
 
 
 class _Counted(NamedTuple):
@@ -86,9 +86,9 @@ class KeyframeSelection:
         """At the end of a run that continues a saved map, retire keyframes that show what this map shows, but
         the newest; some in each call. Returns how many are not compared with it yet: call it until 0.
 
-        A keyframe stays if keyframes of the map do not show more than `new_share` of its cells, if they and
-        the keyframes that stay do not show more than 2 % of them, or if something has been moved there since
-        (`has_changed`).
+        A keyframe stays if more than `new_share` of its cells are in no keyframe of the map, if more than 2 %
+        are neither in these nor in one that stays, or if something has been moved there since these and the
+        earlier ones that stay (`has_changed`).
         """
         kept, inherited = store.kept(), store.inherited
         saved, own = kept[kept < inherited], kept[kept >= max(inherited, self._next_own)][:-1]
@@ -106,14 +106,16 @@ class KeyframeSelection:
                 self._saved_counts.add(self._counted[int(k)].places, 1)
                 self._last_counts.add(self._counted[int(k)].places, 1)
             self._last_counts.add(self._cells_of(store, int(kept[-1])).places, 1)
+        earlier = kept[kept < own[0]]
         for k in own[:_AT_A_TIME].tolist():
             self._next_own = k + 1
             places = (self._counted.get(k) or self._cells_of(store, k)).places
             if (
                 _unseen(self._saved_counts, places) > self._config.new_share
                 or _unseen(self._last_counts, places) > _NEW_AT_THE_END
-                or has_changed(store, k, saved)
+                or has_changed(store, k, earlier[earlier < k])
             ):
+                earlier = np.append(earlier, k)
                 self._last_counts.add(places, 1)
             else:
                 self._retire(store, k, saved)

@@ -6,7 +6,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import psutil
@@ -120,33 +120,35 @@ def _no_new_threads(run: LiveRun) -> Iterator[None]:
     """Put all processes of the run into a control group that allows no more of them."""
     root = _V2 if (_V2 / "cgroup.controllers").exists() else _V1
     group = root / f"hsslam-bench-{secrets.token_hex(4)}"
+    limit = group / "pids.max"
     try:
         group.mkdir()
-        limit = group / "pids.max"
-        if not limit.exists():
-            raise CouldNotTellError(
-                f"{limit}: does not exist: expected control groups of processes"
-            )
-        _move(run, group)
-        limit.write_text("0")
-        yield
-    except OSError as error:
-        raise CouldNotTellError(f"{group}: {error.strerror}: expected control groups") from None
-    finally:
-        with contextlib.suppress(OSError):  # there is no group
-            (group / "pids.max").write_text("max")
-        with contextlib.suppress(OSError):
-            _move(run, root)
-            group.rmdir()
-
-
-def _move(run: LiveRun, group: Path) -> None:
-    """Move all processes of the run to a control group."""
-    with contextlib.suppress(psutil.NoSuchProcess):  # the run has ended
+        limit.read_text()  # some systems have groups without it
         supervisor = psutil.Process(run.process.pid)
-        for process in (supervisor, *supervisor.children(recursive=True)):
-            with contextlib.suppress(ProcessLookupError):
-                (group / "cgroup.procs").write_text(str(process.pid))
+        _move([supervisor.pid, *(each.pid for each in supervisor.children(recursive=True))], group)
+        limit.write_text("0")
+    except (OSError, psutil.NoSuchProcess) as error:
+        _remove(group, root)
+        raise CouldNotTellError(f"{group}: {error}: expected control groups") from None
+    try:
+        yield
+    finally:
+        limit.write_text("max")
+        _remove(group, root)
+
+
+def _remove(group: Path, root: Path) -> None:
+    """Remove a control group; its processes go back to the root."""
+    with contextlib.suppress(OSError):  # there is none, or a process starts in it meanwhile
+        _move(map(int, (group / "cgroup.procs").read_text().split()), root)
+        group.rmdir()
+
+
+def _move(pids: Iterable[int], group: Path) -> None:
+    """Move processes to a control group, except those that have ended."""
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            (group / "cgroup.procs").write_text(str(pid))
 
 
 def _hold(port: int, stopped: threading.Event) -> None:

@@ -24,8 +24,8 @@ class FragmentFiles:
         tell: Callable[[Literal["info", "error"], str], None],
         turn: Callable[[], object] = lambda: None,
     ) -> None:
-        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it. `wait` calls
-        `turn` again and again. `failed` has the reason for each fragment that is not saved.
+        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it. `save` calls
+        `turn` while it waits. `failed` has the reason for each fragment that is not saved.
         """
         self.failed: dict[int, str] = {}
         self._run_dir = run_dir
@@ -35,7 +35,9 @@ class FragmentFiles:
 
     def save(self, fragment: Fragment) -> None:
         """Begin to save a fragment that no frame is tracked in any more, once the one before is saved."""
-        self.wait()
+        while self._saving is not None and self._saving.is_alive():
+            self._saving.join(_TURN_S)
+            self._turn()
         thread = threading.Thread(target=self._save, args=(fragment,), name="fragment")
         try:
             thread.start()
@@ -47,9 +49,7 @@ class FragmentFiles:
     def wait(self) -> None:
         """Wait for the fragment that is being saved, if any."""
         if self._saving is not None:
-            while self._saving.is_alive():
-                self._saving.join(_TURN_S)
-                self._turn()
+            self._saving.join()
             self._saving = None
 
     def _save(self, fragment: Fragment) -> None:

@@ -22,8 +22,8 @@ RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
 Saves the trajectories, map and mesh that a run could not write (exit code 4) and kept in shared memory.
 DIR is the run folder, or the folder in /dev/shm. When all three are saved, the command frees the memory.
-The memory does not hold the log: hsslam-log recover makes the log on disk readable. Fragments, and what a
-second signal gave up, are lost.
+The memory does not hold the log: hsslam-log recover makes the log on disk readable. Fragments that
+were not saved, and what a second signal gave up, are lost.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
 is interrupted."""

@@ -64,8 +64,8 @@ class OrderlyEnd:
         self._stop(CAMERA_STAGE)
         self._drain()
         self._stop(TRACKER_STAGE)
-        self._check_fragments()
         self._save("trajectories", TRAJECTORY_SAVER, patience=2 if self.state.tracked else 1)
+        self._check_fragments()
         saved_at = self._pose_version()
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
@@ -142,11 +142,13 @@ class OrderlyEnd:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))
 
     def _check_fragments(self) -> None:
-        """Miss the fragments that the tracker could not save."""
-        failed = read_result(self.run.path, "tracker").summary.get(FRAGMENTS_NOT_SAVED, {})
-        if failed:
-            why = "; ".join(f"fragment {number}: {reason}" for number, reason in failed.items())
-            self.miss("fragments", why)
+        """Miss the fragments that the tracker could not save; they are lost, as no other process has them."""
+        begun = read_result(self.run.path, "trajectory_saver").summary.get("fragments", {})
+        lost = {n: "" for n, each in begun.items() if not each["joined"] and "map" not in each}
+        lost |= read_result(self.run.path, "tracker").summary.get(FRAGMENTS_NOT_SAVED, {})
+        if lost:
+            each = (f"fragment {n}: {why or 'its tracker ended before'}" for n, why in lost.items())
+            self.miss("fragments", f"{'; '.join(each)}: lost")
 
     def _check_log(self) -> None:
         """Check by the recorder's result that the log is complete."""

@@ -37,6 +37,13 @@ def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_
 
 
 def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
+    begun = {
+        "1": {"joined": True},
+        "2": {"joined": False},
+        "3": {"joined": False},
+        "4": {"joined": False, "map": "map_fragment_4.safetensors"},
+    }
+    write_result(run_info.path, "trajectory_saver", ProcessResult(summary={"fragments": begun}))
     failed = ProcessResult(summary={FRAGMENTS_NOT_SAVED: {2: "the disk is full"}})
     write_result(run_info.path, "tracker", failed)
     children = {spec.name: Child(spec, run_info.path) for spec in PROCESSES}
@@ -44,4 +51,5 @@ def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
         run_info, children, RunState(), lambda: None, lambda *_: "", lambda: 1, lambda _: None
     )
     end.to_the_end()
-    assert end.not_saved == {"fragments": "fragment 2: the disk is full"}
+    why = "fragment 2: the disk is full; fragment 3: its tracker ended before: lost"
+    assert end.not_saved == {"fragments": why}
