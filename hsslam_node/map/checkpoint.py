@@ -51,9 +51,8 @@ class MapCheckpoint:
     keyframe_gaps: np.ndarray | None = None  # [n, 6, 6] float64, `gap_covariances`; None likewise
     # [4, 4] to the frame `map` of the robot that made it (`level_frame`); None: not known
     T_level_world: np.ndarray | None = None
-    is_fitted: bool = (
-        True  # False: keyframes of a fragment; the file has no field, `params` are fresh
-    )
+    # False: keyframes of a fragment; the file has no field, `params` are fresh
+    is_fitted: bool = True
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)

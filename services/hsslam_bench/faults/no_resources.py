@@ -43,21 +43,12 @@ def idle_connections_to_metrics(experiment: Experiment) -> Finding:
     holder.start()
     time.sleep(4.0)
     descriptors = sum(1 for _ in Path(f"/proc/{run.process.pid}/fd").iterdir())
-    if (mesher := run.pid_of("mesher")) is not None:
-        psutil.Process(mesher).kill()
-    code = run.ends_within(_WATCH_S)
+    _kill(run, "mesher")
+    run.ends_within(_WATCH_S)
     stopped.set()
     holder.join()
-    if code is None:
-        run.signal()
-        code = run.finish()
-    lost = run.missing("trajectory.txt", "map.safetensors")
-    has_trace = "Traceback" in run.stderr
-    return Finding(
-        has_trace or bool(lost),
-        f"{descriptors} descriptors of {_LIMIT}; exit code {code}; traceback: {has_trace}; not "
-        f"written: {lost or 'nothing'}",
-    )
+    is_bad, ended = _ended(run)
+    return Finding(is_bad, f"{descriptors} descriptors of {_LIMIT}; {ended}")
 
 
 def no_thread_can_start(experiment: Experiment) -> Finding:
@@ -67,9 +58,7 @@ def no_thread_can_start(experiment: Experiment) -> Finding:
     run.wait_for_poses(20)
     run.wait_until(lambda: all(run.pid_of(name) for name in _WITHOUT_THREADS), 60)
     with _no_new_threads(run):
-        for name in _WITHOUT_THREADS:
-            if (pid := run.pid_of(name)) is not None:
-                psutil.Process(pid).kill()
+        _kill(run, *_WITHOUT_THREADS)
         seen, begin_s = len(run.new_poses()), time.monotonic()
         refused = run.control("save", "during", timeout_s=_WITHOUT_S)
         while run.code is None and time.monotonic() - begin_s < _WITHOUT_S:
@@ -78,15 +67,11 @@ def no_thread_can_start(experiment: Experiment) -> Finding:
     if run.code is None:
         run.control("save", "later")
     is_saved = (maps / "later.safetensors").exists()
-    if run.code is None:
-        run.signal()
-    code = run.finish()
-    lost = run.missing("trajectory.txt", "map.safetensors", "mesh.ply")
-    has_trace = "Traceback" in run.stderr
+    is_bad, ended = _ended(run, "mesh.ply")
     return Finding(
-        came < _FEWEST_POSES or bool(lost) or has_trace or not is_saved,
+        came < _FEWEST_POSES or is_bad or not is_saved,
         f"{came} poses in {_WITHOUT_S:g} s without a new thread; save: {refused[:40]!r}, later saved: "
-        f"{is_saved}; exit code {code}; traceback: {has_trace}; not written: {lost or 'nothing'}",
+        f"{is_saved}; {ended}",
     )
 
 
@@ -98,21 +83,33 @@ def log_of_a_process_cannot_be_opened(experiment: Experiment) -> Finding:
     log = run.out / "logs" / "mesher.log"
     log.unlink()
     log.mkdir()
-    if (mesher := run.pid_of("mesher")) is not None:
-        psutil.Process(mesher).kill()
+    _kill(run, "mesher")
     seen = len(run.new_poses())
     time.sleep(5.0)
     came = len(run.new_poses()) - seen if run.code is None else 0
+    is_bad, ended = _ended(run, "mesh.ply")
+    return Finding(came < 30 or is_bad, f"{came} poses in the next 5 s; {ended}")
+
+
+def _kill(run: LiveRun, *names: str) -> None:
+    """Kill these processes, as far as they run; do not wait for their successors."""
+    for name in names:
+        if (pid := run.pid_of(name)) is not None:
+            psutil.Process(pid).kill()
+
+
+def _ended(run: LiveRun, *also: str) -> tuple[bool, str]:
+    """End the run; returns whether a traceback was printed or a result is missing, and the end in words.
+
+    `also`: files that it must write besides trajectory and map.
+    """
     if run.code is None:
         run.signal()
     code = run.finish()
-    lost = run.missing("trajectory.txt", "map.safetensors", "mesh.ply")
+    lost = run.missing("trajectory.txt", "map.safetensors", *also)
     has_trace = "Traceback" in run.stderr
-    return Finding(
-        came < 30 or bool(lost) or has_trace,
-        f"{came} poses in the next 5 s; exit code {code}; traceback: {has_trace}; not written: "
-        f"{lost or 'nothing'}",
-    )
+    words = f"exit code {code}; traceback: {has_trace}; not written: {lost or 'nothing'}"
+    return has_trace or bool(lost), words
 
 
 @contextlib.contextmanager
@@ -145,7 +142,7 @@ def _remove(group: Path, root: Path) -> None:
 
 
 def _move(pids: Iterable[int], group: Path) -> None:
-    """Move processes to a control group, except those that have ended."""
+    """Move processes to a control group; passes over those that no longer live."""
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             (group / "cgroup.procs").write_text(str(pid))

@@ -11,13 +11,21 @@ from pathlib import Path
 import psutil
 
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.read_batch import read_batch
 from hsslam_services.bus.dead_pools import POOL_BYTES, pools_of
 from tests.services.serve_process import QUICK
 
 LONG_S = 3000
 _MEMORY = ("--memory", "4")
 _SERVE, _WORK = "hsslam_services.commands.serve", "hsslam_batch work"
+
+
+def planned(logs: Path | str, out: Path | str) -> Batch:
+    """The plan of these logs, paths or URLs."""
+    plan_command([str(logs), "--out", str(out), *QUICK])
+    return read_batch(str(out))
 
 
 def start(batch: Batch, *options: str) -> subprocess.Popen[str]:
@@ -95,9 +103,7 @@ def loose_pools() -> set[Path]:
     next program uses zenoh."""
     found = {p for p in Path("/dev/shm").glob("*.zenoh") if p.stat().st_size > POOL_BYTES // 2}
     loose = found.difference(*(pools_of(pid) for pid in psutil.pids()))
-    return {
-        path for path in loose if path.exists()
-    }  # a process may have ended and removed it meanwhile
+    return {path for path in loose if path.exists()}  # a process may have removed it meanwhile
 
 
 def nothing_left(batch: Batch, pools: set[Path]) -> bool:

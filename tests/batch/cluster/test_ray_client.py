@@ -13,20 +13,18 @@ from typing import Any
 import pytest
 
 from hsslam_batch.plan.batch import Batch
-from hsslam_batch.plan.command import plan_command
-from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node, ray_cluster
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.runs_of_batch import (
     end,
     nothing_left,
+    planned,
     services,
     start,
     trajectories,
     wait,
 )
-from tests.services.serve_process import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 _SAME = ("name", "kind", "attempt", "frames", "tracked", "lost", "keyframes", "mesh_faces")
@@ -48,14 +46,13 @@ def _listens(port: int) -> bool:
         return peer.connect_ex(("127.0.0.1", port)) == 0
 
 
-def _planned(folder: Path, out: str) -> Batch:
-    """A good log and a damaged one."""
+def _good_and_damaged(folder: Path, out: str) -> Batch:
+    """The plan of a good log and a damaged one."""
     if not (folder / "logs").exists():
         write_small_log(folder / "logs" / "good", count=4)
         log = write_small_log(folder / "logs" / "damaged", count=1)
         log.write_bytes(b"no log" + log.read_bytes())
-    plan_command([str(folder / "logs"), "--out", str(folder / out), *QUICK])
-    return read_batch(str(folder / out))
+    return planned(folder / "logs", folder / out)
 
 
 def test_each_kind_of_address_makes_the_same(
@@ -64,7 +61,7 @@ def test_each_kind_of_address_makes_the_same(
     monkeypatch.setenv("RAY_ADDRESS", addresses[1])  # for auto alone
     made: list[Any] = []
     for address in (*addresses, "auto"):
-        batch = _planned(tmp_path, f"out{len(made)}")
+        batch = _good_and_damaged(tmp_path, f"out{len(made)}")
         said = end(run := start(batch, "--address", address))
         assert run.returncode == 3 and "1 done, 1 failed, 0 left" in said, said
         assert "damaged: bad input: " in said and "Traceback" not in said, said
@@ -78,7 +75,7 @@ def test_a_killed_client_leaves_what_the_next_run_does(
     addresses: tuple[str, str], tmp_path: Path, pools: set[Path]
 ):
     """The client server waits for it for a while, and then ends what it has started."""
-    batch = _planned(tmp_path, "out")
+    batch = _good_and_damaged(tmp_path, "out")
     run = start(batch, "--address", addresses[1])
     wait(lambda: services(batch) or run.poll() is not None)
     (service,) = services(batch)

@@ -16,9 +16,7 @@ import pytest
 from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch
-from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
-from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_bench.batch.small_log import write_small_log
@@ -30,6 +28,7 @@ from tests.batch.cluster.runs_of_batch import (
     end,
     nothing_left,
     of_batch,
+    planned,
     services,
     start,
     start_unread,
@@ -38,7 +37,6 @@ from tests.batch.cluster.runs_of_batch import (
 )
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.caught_signals import catches
-from tests.services.serve_process import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 
@@ -50,8 +48,7 @@ def batch(tmp_path: Path) -> Batch:
         write_small_log(tmp_path / "logs" / f"good{k}", start=20 * k, count=4)
     log = write_small_log(tmp_path / "logs" / "damaged", count=1)
     log.write_bytes(b"no log" + log.read_bytes())
-    plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
-    return read_batch(str(tmp_path / "out"))
+    return planned(tmp_path / "logs", tmp_path / "out")
 
 
 def test_a_cluster_makes_what_one_makes_by_hand(
@@ -174,8 +171,7 @@ def test_a_store_that_is_away_for_a_while_costs_no_log(
             write_small_log(tmp_path / "logs" / f"good{k}", start=20 * k, count=4)
         reach(address, monkeypatch)
         url = f"s3://{BUCKET}/out"
-        plan_command([str(tmp_path / "logs"), "--out", url, *QUICK])
-        batch = read_batch(url)
+        batch = planned(tmp_path / "logs", url)
         try:
             run = start(batch, "--parallel", "2", "--patience", "15")
             wait(
@@ -202,13 +198,10 @@ def test_logs_and_results_in_a_store_that_fails_now_and_then(
         for k in range(2):
             log = write_small_log(tmp_path / "logs" / f"good{k}", start=20 * k, count=4)
             client.upload_file(str(log), BUCKET, f"logs/good{k}/run.mcap")
-        here = str(tmp_path / "out")
-        plan_command([str(tmp_path / "logs"), "--out", here, *QUICK])
-        hand = by_hand(read_batch(here), tmp_path / "hand")
+        hand = by_hand(planned(tmp_path / "logs", tmp_path / "out"), tmp_path / "hand")
         reach(address, monkeypatch)
         url = f"s3://{BUCKET}/out"
-        plan_command([f"s3://{BUCKET}/logs", "--out", url, *QUICK])
-        batch = read_batch(url)
+        batch = planned(f"s3://{BUCKET}/logs", url)
         try:
             said = end(run := start(batch))
             assert run.returncode == 0 and "2 done, 0 failed, 0 left" in said, said

@@ -15,9 +15,7 @@ import psutil
 import pytest
 
 from hsslam_batch.plan.batch import Batch
-from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
-from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_bench.batch.small_log import write_small_log
@@ -25,22 +23,17 @@ from tests.batch.cluster.runs_of_batch import (
     by_hand,
     end,
     nothing_left,
+    planned,
     services,
     start,
     trajectories,
     wait,
     worker_of,
 )
-from tests.services.serve_process import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 _LOGS, _NODES, _KILLS = 6, 3, 10
 _RETRIES = ("--retries", str(_KILLS))
-
-
-def _planned(logs: Path, out: Path) -> Batch:
-    plan_command([str(logs), "--out", str(out), *QUICK])
-    return read_batch(str(out))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +48,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def expected(logs: Path) -> dict[str, bytes]:
     """The trajectories that a user makes by hand."""
-    return by_hand(_planned(logs, logs.parent / "hand"), logs.parent / "runs")
+    return by_hand(planned(logs, logs.parent / "hand"), logs.parent / "runs")
 
 
 class _Nodes:
@@ -112,7 +105,7 @@ def _expect_whole(
 
 @pytest.mark.parametrize("victim", ["run", "worker", "node"])
 def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, pools, victim: str):
-    batch, nodes = _planned(logs, tmp_path / "out"), _Nodes(cluster)
+    batch, nodes = planned(logs, tmp_path / "out"), _Nodes(cluster)
     kill: dict[str, Callable[[psutil.Process], None]] = {
         "run": lambda service: service.kill(),
         "worker": lambda service: worker_of(service).kill(),
@@ -127,7 +120,7 @@ def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, 
 
 
 def test_the_driver_is_killed(cluster, logs: Path, expected, tmp_path: Path, pools):
-    batch = _planned(logs, tmp_path / "out")
+    batch = planned(logs, tmp_path / "out")
     _Nodes(cluster)
     done: dict[str, int] = {}
     for _ in range(_KILLS):

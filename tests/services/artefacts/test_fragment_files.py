@@ -1,4 +1,4 @@
-"""Fragments that have not joined the map are saved, and one that cannot be saved is told."""
+"""Each fragment that ends without a join gets a file and a line; an error line if it cannot be saved."""
 
 from pathlib import Path
 
