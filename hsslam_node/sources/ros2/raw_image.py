@@ -32,6 +32,7 @@ _TO_RGB = {
     "uyvy": cv2.COLOR_YUV2RGB_UYVY,
     "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2,
     "yuyv": cv2.COLOR_YUV2RGB_YUY2,
+    "YUYV": cv2.COLOR_YUV2RGB_YUY2,  # as the RealSense SDK names it
     "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB,
     "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
     "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
@@ -40,7 +41,7 @@ _TO_RGB = {
 _CHANNELS = {
     **dict.fromkeys(("rgb8", "bgr8", "8UC3"), 3),
     **dict.fromkeys(("rgba8", "bgra8", "8UC4"), 4),
-    **dict.fromkeys(("yuv422", "uyvy", "yuv422_yuy2", "yuyv"), 2),
+    **dict.fromkeys(("yuv422", "uyvy", "yuv422_yuy2", "yuyv", "YUYV"), 2),
 }
 _GREY = ("mono8", "8UC1")
 _DEPTH = ("16UC1", "32FC1", "mono16")

@@ -25,6 +25,13 @@ _LENSES: dict[str, tuple[LensModel, int]] = {  # name in ROS: model, number of c
     "rational_polynomial": ("opencv", 5),  # more if the others are not all 0
     "equidistant": ("equidistant", 4),
 }
+# The RealSense SDK's names, taken as its ROS driver takes them.
+_LENSES_OF_REALSENSE: dict[str, tuple[LensModel, int]] = {
+    "Brown Conrady": ("opencv", 5),
+    "Modified Brown Conrady": ("opencv", 5),
+    "Inverse Brown Conrady": ("opencv", 5),
+    "Kannala Brandt4": ("equidistant", 4),
+}
 
 
 def check_ros2(name: str, options: SourceOptions) -> None:
@@ -107,7 +114,7 @@ class CdrMessages:
         Raises:
             BadImageError: another type, or not such a message.
         """
-        return self._of_type(payload, type_name, ODOMETRY)
+        return self.of_type(payload, type_name, ODOMETRY)
 
     def imu(self, payload: bytes, type_name: str) -> Any:
         """An `Imu` as rosbags decodes it.
@@ -115,7 +122,7 @@ class CdrMessages:
         Raises:
             BadImageError: another type, or not such a message.
         """
-        return self._of_type(payload, type_name, IMU)
+        return self.of_type(payload, type_name, IMU)
 
     def transforms(self, payload: bytes, type_name: str) -> Any:
         """A `TFMessage` as rosbags decodes it.
@@ -123,9 +130,14 @@ class CdrMessages:
         Raises:
             BadImageError: another type, or not such a message.
         """
-        return self._of_type(payload, type_name, TRANSFORMS)
+        return self.of_type(payload, type_name, TRANSFORMS)
 
-    def _of_type(self, payload: bytes, type_name: str, expected: str) -> Any:
+    def of_type(self, payload: bytes, type_name: str, expected: str) -> Any:
+        """A message of type `expected` as rosbags decodes it.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+        """
         if type_name != expected:
             raise BadImageError(f"message of type {type_name or 'unknown'}: expected {expected}")
         return self._decoded(payload, type_name)
@@ -161,11 +173,12 @@ def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
     """OpenCV's coefficients, without trailing ones that are all 0, and their model."""
     if not any(lens):
         return (), "opencv"
-    if name not in _LENSES:
+    found = _LENSES.get(name) or _LENSES_OF_REALSENSE.get(name)
+    if found is None:
         raise UserError(
             f"camera_info.distortion_model = {name!r}: expected {', '.join(_LENSES)}, or rectified images"
         )
-    model, count = _LENSES[name]
+    model, count = found
     kept = lens if any(lens[count:]) else lens[:count]
     expect_lens("camera_info.d", kept, model)
     return tuple(kept), model

@@ -29,16 +29,11 @@ class StaticTransforms:
         problem = ""
         for stamped in message.transforms:
             parent, child = _name(stamped.header.frame_id), _name(stamped.child_frame_id)
-            t, q = stamped.transform.translation, stamped.transform.rotation
-            place, turn = np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w])
-            numbers = np.concatenate([place, turn])
-            if not np.isfinite(numbers).all() or abs(np.linalg.norm(turn) - 1) > _UNIT:
-                text = " ".join(f"{number:g}" for number in numbers)
-                problem = problem or (
-                    f"{parent} to {child}: {text}: expected x y z and a unit quaternion"
-                )
+            try:
+                self._to_parent[child] = parent, pose_of(stamped.transform)
+            except UserError as error:
+                problem = problem or f"{parent} to {child}: {error}"
                 continue
-            self._to_parent[child] = parent, transform(place, turn)
             self._known.clear()
         if problem:
             raise UserError(problem)
@@ -68,6 +63,21 @@ class StaticTransforms:
             (child, inverse(T)) for child, (parent, T) in self._to_parent.items() if parent == frame
         ]
         return [self._to_parent[frame], *children] if frame in self._to_parent else children
+
+
+def pose_of(message: Any) -> np.ndarray:
+    """The pose [4, 4] of a `Transform`, decoded by rosbags.
+
+    Raises:
+        UserError: it is not finite, or has no unit quaternion.
+    """
+    t, q = message.translation, message.rotation
+    place, turn = np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w])
+    numbers = np.concatenate([place, turn])
+    if not np.isfinite(numbers).all() or abs(np.linalg.norm(turn) - 1) > _UNIT:
+        text = " ".join(f"{number:g}" for number in numbers)
+        raise UserError(f"{text}: expected x y z and a unit quaternion")
+    return transform(place, turn)
 
 
 def _name(frame_id: str) -> str:

@@ -31,7 +31,7 @@ SERVICE_SOURCES = (
         examples=("bag:FOLDER", "bag:FILE"),
         brief="a ROS 1 or ROS 2 bag",
         about="[a ROS bag](#ros-bags): of ROS 2 (`metadata.yaml`, `.mcap`, `.db3`) or ROS 1 (`.bag`)",
-        opener="hsslam_services.camera.bag_source:BagSource",
+        opener="hsslam_services.camera.bags.bag_source:BagSource",
         camera_options=("depth_scale",),
         looks_like=either(
             has_files("metadata.yaml", "*.mcap*"),

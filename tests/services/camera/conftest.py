@@ -7,7 +7,7 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from tests.services.camera.room_bags import ROOM, whole_frames
+from tests.services.camera.bags.room_bags import ROOM, whole_frames
 from tests.services.camera.ros_camera import RosCamera
 
 

@@ -26,7 +26,7 @@ from hsslam_services.camera.reopening import live_frames, open_with_patience, wi
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.run_info import RunInfo
 from tests.sequence_folders import write_tum_camera
-from tests.services.camera.ros_bags import new_bag
+from tests.services.camera.bags.ros_bags import new_bag
 from tests.services.camera.ros_camera import RosCamera
 
 _ROOM = SourceOptions(frames=6, synth=SynthOptions(width_px=160, height_px=120))

@@ -7,7 +7,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.open_source import open_any_source
-from tests.services.camera.room_bags import ROOM, whole_frames
+from tests.services.camera.bags.room_bags import ROOM, whole_frames
 from tests.services.camera.ros_camera import ros2_options
 
 _MOST_FRAMES = 300

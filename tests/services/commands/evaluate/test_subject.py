@@ -22,7 +22,7 @@ from hsslam_services.commands.evaluate.command import main
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
-from tests.services.camera.ros_bags import written
+from tests.services.camera.bags.ros_bags import written
 
 _ROOM = SourceOptions(frames=21, synth=SynthOptions(width_px=96, height_px=72))
 

@@ -17,8 +17,8 @@ from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports, sensor_wat
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
-from hsslam_services.camera.bag_file import BagFile, BagMessage
-from hsslam_services.camera.bag_topics import (
+from hsslam_services.camera.bags.bag_file import BagFile, BagMessage
+from hsslam_services.camera.bags.bag_topics import (
     camera_of,
     find_camera,
     imu_topic,
@@ -54,11 +54,12 @@ class BagSource(ReadsInTime):
             self._mountings = self._bag.static_transforms(self.reports)
         self._camera_frame = found.first[0].frame_id
         self._max_dt_ms = options.bag.max_dt_ms
-        depth_scale = options.camera.depth_scale
-        first = found.first
-        if not can_be_used(first, found.camera):
-            first = self._first_pair(found.camera) or first
-        self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale)
+        depth_scale = options.camera.depth_scale or found.depth_units_per_m
+        first, mounting = found.first, found.mounting
+        depth_camera = mounting.camera if mounting else None
+        if not can_be_used(first, found.camera, depth_camera):
+            first = self._first_pair(found.camera, depth_camera) or first
+        self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale, mounting)
         pairs = self._new_pairs()
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
         if not stamps_ns:
@@ -114,12 +115,14 @@ class BagSource(ReadsInTime):
         )
         self.reports.add(Report("images without a counterpart", text))
 
-    def _first_pair(self, camera: Camera) -> tuple[RawImage, RawImage] | None:
+    def _first_pair(
+        self, camera: Camera, depth_camera: Camera | None
+    ) -> tuple[RawImage, RawImage] | None:
         """The first pair that can be used; None if none of the first 30 can."""
         with contextlib.closing(self._paired(self._new_pairs())) as pairs:
             for messages in islice(pairs, MOST_BROKEN):
                 with contextlib.suppress(BadImageError):
-                    if can_be_used(pair := self._images(*messages), camera):
+                    if can_be_used(pair := self._images(*messages), camera, depth_camera):
                         return pair
         return None
 

@@ -1,19 +1,19 @@
 """Finds the topics of a bag with colour, depth and intrinsics of the camera."""
 
 import contextlib
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.depth_registration import DepthMounting
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
-from hsslam_services.camera.bag_file import BagFile, BagMessage, BagTopic
+from hsslam_services.camera.bags import realsense_recording
+from hsslam_services.camera.bags.bag_file import BagFile, BagMessage, BagTopic
+from hsslam_services.camera.bags.depth_mounting import REGISTERED, BagImages, depth_mounting
 from hsslam_services.camera.ros2_messages import (
     COMPRESSED,
     IMAGE,
@@ -21,12 +21,9 @@ from hsslam_services.camera.ros2_messages import (
     is_rectified,
     report_one_rectified,
 )
-from hsslam_services.camera.ros_frames import MOST_BROKEN, intrinsics_text
+from hsslam_services.camera.ros_frames import MOST_BROKEN
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
-
-_REGISTERED = re.compile("aligned|registered")
-_SAME_K_PX = 1.0
 
 
 @dataclass(frozen=True)
@@ -38,34 +35,43 @@ class BagCamera:
     info: str
     camera: Camera  # of colour, with its distortion
     first: tuple[RawImage, RawImage]  # colour, depth
+    mounting: DepthMounting | None  # None if depth is registered to colour
+    depth_units_per_m: float | None  # None: those of the encoding
 
 
 def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamera:
     """Find the topics of the camera: those that the options name, else the only ones that fit.
 
     Prefers depth topics with "aligned" or "registered" in their names, and colour images to grey ones.
+    Depth that is not registered to colour needs its own `camera_info`, and the mounting of its camera.
     Reports if only one of colour and depth is rectified by its name, and the camera has a lens.
 
     Raises:
-        UserError: no or several topics fit, or depth is not registered to colour; names all topics.
+        UserError: no or several topics fit, or depth cannot be registered to colour; names all topics.
     """
     firsts = _first_messages(bag)
     images = _images(bag, firsts)
     colors = [name for name, image in images.items() if image.content == "color"]
     greys = [name for name, image in images.items() if image.content == "grey"]
     depths = [name for name, image in images.items() if image.content == "depth"]
-    registered = [name for name in depths if _REGISTERED.search(name)]
+    registered = [name for name in depths if REGISTERED.search(name)]
     color = _chosen(bag, "color", options.color, colors or greys, images)
     depth = _chosen(bag, "depth", options.depth, registered or depths, images)
     infos = [name for name, message in firsts.items() if message.type_name == INFO]
     beside = _info_beside(color, infos) or infos
     info = _chosen(bag, "info", options.info, beside, infos)
     camera = camera_of(bag, firsts[info], color)
+    mounting = None
     for depth_info in _info_beside(depth, infos):
-        _expect_same_K(bag, firsts[info], firsts[depth_info])
-    if bag.decode.has_lens(firsts[info].payload):
+        shown_color = BagImages(color, camera, images[color].frame_id)
+        of_depth = camera_of(bag, firsts[depth_info], depth)
+        shown_depth = BagImages(depth, of_depth, images[depth].frame_id)
+        mounting = depth_mounting(bag, shown_color, shown_depth, reports)
+    if mounting is None and bag.decode.has_lens(firsts[info].payload):
         report_one_rectified(color, depth, "--bag", reports)
-    return BagCamera(color, depth, info, camera, (images[color], images[depth]))
+    units = realsense_recording.depth_units_per_m(bag, depth)
+    first = images[color], images[depth]
+    return BagCamera(color, depth, info, camera, first, mounting, units)
 
 
 def odometry_topic(bag: BagFile, options: BagOptions) -> str:
@@ -210,15 +216,3 @@ def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
         return bag.decode.camera(message.payload, message.type_name, is_rectified(color))
     except (BadImageError, UserError) as error:
         raise UserError(f"source {bag.name}: {message.topic}: {error}") from None
-
-
-def _expect_same_K(bag: BagFile, color: BagMessage, depth: BagMessage) -> None:
-    """Raise UserError unless depth has the intrinsics of colour, as registered depth does."""
-    of_camera = [camera_of(bag, message, "") for message in (color, depth)]
-    K_color, K_depth = (camera.K for camera in of_camera)
-    if np.abs(K_color - K_depth).max() > _SAME_K_PX:
-        of_color, of_depth = map(intrinsics_text, of_camera)
-        raise UserError(
-            f"source {bag.name}: {depth.topic} has fx, fy, cx, cy = {of_depth}, {color.topic} has "
-            f"{of_color}: expected depth that is registered to colour (realsense: align_depth.enable:=true)"
-        )

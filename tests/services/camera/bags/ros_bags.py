@@ -63,20 +63,29 @@ class BagWriter:
         payload = bytes(serialize(message, kind))[: self.kept_bytes]
         self._writer.write(self._connections[topic], recorded_ns, payload)
 
-    def image(self, topic: str, stamp_ns: int, pixels: np.ndarray, encoding: str) -> None:
+    def image(
+        self,
+        topic: str,
+        stamp_ns: int,
+        pixels: np.ndarray,
+        encoding: str,
+        *,
+        frame_id: str = "camera",
+    ) -> None:
         """An `Image` of pixels [H, W] or [H, W, channels]."""
         height, width = pixels.shape[:2]
         size = {"height": height, "width": width, "step": pixels.nbytes // height}
         data = np.ascontiguousarray(pixels).view(np.uint8).ravel()
-        self.put(topic, stamp_ns, "Image", **size, encoding=encoding, is_bigendian=0, data=data)
+        fields = {"encoding": encoding, "is_bigendian": 0, "data": data}
+        self.put(topic, stamp_ns, "Image", frame_id=frame_id, **size, **fields)
 
     def file(self, topic: str, stamp_ns: int, data: np.ndarray, encoding: str) -> None:
         """A `CompressedImage` of an image file [N] uint8."""
         self.put(topic, stamp_ns, "CompressedImage", format=encoding, data=data)
 
-    def info(self, topic: str, stamp_ns: int, camera: Camera) -> None:
-        """A `CameraInfo`; P is for images of twice the focal length."""
-        scaled = np.diag([2.0, 2.0, 1.0]) @ np.hstack([camera.K, np.zeros((3, 1))])
+    def info(self, topic: str, stamp_ns: int, camera: Camera, *, scale: float = 2.0) -> None:
+        """A `CameraInfo`; P is for images of `scale` times the focal length."""
+        scaled = np.diag([scale, scale, 1.0]) @ np.hstack([camera.K, np.zeros((3, 1))])
         matrices = {"k": camera.K.ravel(), "r": np.eye(3).ravel(), "p": scaled.ravel()}
         matrices["d"] = np.array(camera.distortion or 5 * (0.0,))
         named = {name.upper() if self._is_ros1 else name: m for name, m in matrices.items()}
@@ -126,15 +135,23 @@ class BagWriter:
     ) -> None:
         """A message on `/tf_static` of (parent, child, x y z qx qy qz qw of the child in the parent)."""
         stamped = []
-        for parent, child, (x, y, z, *q) in of:
-            turn = self._new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", q, strict=True)))
-            place = self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-            moved = self._new("geometry_msgs/msg/Transform", translation=place, rotation=turn)
+        for parent, child, numbers in of:
+            moved = self._transform(numbers)
             header = self._header(stamp_ns, parent)
             kind = "geometry_msgs/msg/TransformStamped"
             stamped.append(self._new(kind, header=header, child_frame_id=child, transform=moved))
         kind = "tf2_msgs/msg/TFMessage"
         self._write("/tf_static", stamp_ns, kind, self._new(kind, transforms=stamped))
+
+    def transform(self, topic: str, stamp_ns: int, numbers: Sequence[float]) -> None:
+        """A `Transform` x y z qx qy qz qw, recorded at this time."""
+        self._write(topic, stamp_ns, "geometry_msgs/msg/Transform", self._transform(numbers))
+
+    def _transform(self, numbers: Sequence[float]) -> Any:
+        x, y, z, *q = numbers
+        turn = self._new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", q, strict=True)))
+        place = self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+        return self._new("geometry_msgs/msg/Transform", translation=place, rotation=turn)
 
     def frame(
         self, frame: Frame, depth_lag_ns: int = 0, distortion: tuple[float, ...] = ()

@@ -10,7 +10,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.user_path import user_path
-from hsslam_services.camera.ros2_messages import CdrMessages
+from hsslam_services.camera.bags.realsense_image import image_without_unit
+from hsslam_services.camera.ros2_messages import IMAGE, CdrMessages
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 if TYPE_CHECKING:
@@ -99,6 +100,19 @@ class BagFile:
                     topic, type_name, recorded_ns if stamp_ns is None else stamp_ns, payload
                 )
 
+    def type_of(self, topic: str) -> str:
+        """The type of a topic; empty if the bag lacks it."""
+        return next((t.type_name for t in self.topics if t.name == topic), "")
+
+    def first_payload(self, topic: str) -> bytes | None:
+        """The first message of a topic, whose type may have no header; None if there is none.
+
+        Raises:
+            UserError: the bag is damaged.
+        """
+        with self._reported(), contextlib.closing(self._payloads((topic,))) as payloads:
+            return next((payload for *_, payload in payloads), None)
+
     def static_transforms(self, reports: Reports) -> StaticTransforms:
         """All transforms of `/tf_static`; empty if the bag lacks this topic. Others are reported.
 
@@ -145,6 +159,8 @@ class BagFile:
             if not wanted:
                 return
             for connection, recorded_ns, payload in reader.messages(wanted):
+                if self._is_ros1 and connection.msgtype == IMAGE:
+                    payload = image_without_unit(payload)
                 yield connection.topic, connection.msgtype, recorded_ns, payload
 
     def _open(self) -> "Ros1Reader | Ros2Reader":

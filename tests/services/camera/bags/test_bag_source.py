@@ -16,8 +16,16 @@ from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.open_source import open_any_source
 from tests.late_frames import expect_late_frames_left_out
-from tests.services.camera.room_bags import ROOM, expect_same, opened, whole_frames
-from tests.services.camera.ros_bags import COLOR, DEPTH, INFO, KINDS, BagWriter, new_bag, written
+from tests.services.camera.bags.room_bags import ROOM, expect_same, opened, whole_frames
+from tests.services.camera.bags.ros_bags import (
+    COLOR,
+    DEPTH,
+    INFO,
+    KINDS,
+    BagWriter,
+    new_bag,
+    written,
+)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +151,8 @@ def test_a_realsense_recording_whose_depth_is_not_registered(room, tmp_path: Pat
                 bag.image(f"{sensors[0]}/image/data", frame.stamp_ns, frame.depth_raw, "mono16")
                 bag.image(f"{sensors[1]}/image/data", frame.stamp_ns, frame.color, "rgb8")
     with pytest.raises(
-        UserError, match=r"Depth_0/info/camera_info has fx, .*: expected depth that is regis"
+        UserError,
+        match=r"Depth_0/image/data has 160x120 pixels and fx, .*: expected depth that is regis",
     ):
         opened(tmp_path / "own.bag")
     expect_same(whole_frames(opened(tmp_path / "same.bag", room[0].depth_units_per_m)), room)

@@ -13,8 +13,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame
-from tests.services.camera.room_bags import ROOM, expect_same, opened, whole_frames
-from tests.services.camera.ros_bags import COLOR, DEPTH, INFO, KINDS, new_bag, written
+from tests.services.camera.bags.room_bags import ROOM, expect_same, opened, whole_frames
+from tests.services.camera.bags.ros_bags import COLOR, DEPTH, INFO, KINDS, new_bag, written
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from hsslam_node.slam import Slam
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 from hsslam_services.camera.open_source import open_any_source
-from tests.services.camera.room_bags import opened
-from tests.services.camera.ros_bags import KINDS, written
+from tests.services.camera.bags.room_bags import opened
+from tests.services.camera.bags.ros_bags import KINDS, written
 from tests.small_room import SMALL, room_frames
 
 _FRAMES = 15

@@ -19,8 +19,8 @@ from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import Source
 from hsslam_services.camera.open_source import open_any_source
-from tests.services.camera.room_bags import ROOM, opened, whole_frames
-from tests.services.camera.ros_bags import KINDS, BagWriter, new_bag, written
+from tests.services.camera.bags.room_bags import ROOM, opened, whole_frames
+from tests.services.camera.bags.ros_bags import KINDS, BagWriter, new_bag, written
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""ROS bags, and recordings of RealSense cameras, as sources."""

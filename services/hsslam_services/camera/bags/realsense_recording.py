@@ -1,0 +1,72 @@
+"""What recordings of the RealSense viewer and SDK have beside ROS: the mounting and the unit of depth.
+
+Their topics are `/device_0/sensor_0/Depth_0/image/data` and so on. Older versions of the SDK, such as 2.55,
+write a `.bag`; newer ones, such as 2.59, write a `.db3`, which has its transforms on `/tf_static`.
+Source: librealsense, src/media/ros/ros_file_format.h and ros_writer.cpp.
+"""
+
+import re
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse
+from hsslam_services.camera.bags.bag_file import BagFile
+from hsslam_services.ros2.static_transforms import pose_of
+
+_STREAM = re.compile(r"(/device_\d+/sensor_\d+)/\w+_\d+(?=/image/data)")
+_TRANSFORM = "geometry_msgs/msg/Transform"
+_FLOAT, _TEXT = "std_msgs/msg/Float32", "std_msgs/msg/String"
+
+
+def mounted_at(bag: BagFile, color: str, depth: str) -> np.ndarray | None:
+    """T_color_depth, [4, 4], from the topics `tf` of both streams of a `.bag`; None if it has none.
+
+    Raises:
+        UserError: the bag is damaged, or a transform is not valid.
+        BadImageError: a message is too short.
+    """
+    T_color, T_depth = _to_stream(bag, color), _to_stream(bag, depth)
+    for reference in T_color.keys() & T_depth.keys():
+        return T_color[reference] @ inverse(T_depth[reference])
+    return None
+
+
+def depth_units_per_m(bag: BagFile, depth: str) -> float | None:
+    """Units of depth per metre, from the option of the camera; None if the recording has none.
+
+    Raises:
+        UserError: the bag is damaged.
+        BadImageError: the message is too short.
+    """
+    stream = _STREAM.match(depth)
+    if stream is None:
+        return None
+    for name in ("Depth_Units", "Depth Units"):
+        topic = f"{stream[1]}/option/{name}/value"
+        kind = bag.type_of(topic)
+        if kind in (_FLOAT, _TEXT) and (payload := bag.first_payload(topic)):
+            metres = _number(bag.decode.of_type(payload, kind, kind).data)
+            # a number of 32 bits: 0.001 is 1000.00 units per metre, not 999.99995
+            return float(f"{1.0 / metres:.6g}") if metres > 0 else None
+    return None
+
+
+def _to_stream(bag: BagFile, topic: str) -> dict[str, np.ndarray]:
+    """T_stream_reference of the images of a topic, [4, 4], by the number of the reference."""
+    stream = _STREAM.match(topic)
+    found = {}
+    for known in bag.topics if stream else ():
+        name, _, reference = known.name.rpartition("/")
+        if stream and name == f"{stream[0]}/tf" and known.type_name == _TRANSFORM:
+            payload = bag.first_payload(known.name)
+            if payload:
+                found[reference] = pose_of(bag.decode.of_type(payload, _TRANSFORM, _TRANSFORM))
+    return found
+
+
+def _number(text: float | str) -> float:
+    """A number that a `.bag` has as such and a `.db3` as text; 0 if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
