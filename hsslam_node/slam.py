@@ -25,6 +25,9 @@ from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
+from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.fragment_map import fragment_map
+from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame, expect_trackable
 from hsslam_node.geometry.camera import Camera
@@ -72,11 +75,13 @@ class Slam:
         saved_map: Path | str | None = None,
         localise_only: bool = False,
         new_map_after_s: float = NEW_MAP_AFTER_S,
+        fragments: Path | str | None = None,
     ) -> None:
         """`saved_map`: continue this map, from anywhere in it; `localise_only`: do not change it.
 
         `new_map_after_s`: if the camera is lost for this time, it starts another map, a fragment, which
-        joins the first map where they overlap; 0: never.
+        joins the first map where they overlap; 0: never. One that ends without a join is saved for
+        `hsslam-map merge`: map_fragment_1.safetensors and so on in the folder `fragments`; None: it is lost.
 
         Raises:
             UserError: the saved map (see `restore_map`) or the device cannot be used, `localise_only` has no
@@ -95,6 +100,7 @@ class Slam:
         self.localise_only = localise_only
         self.seed = int(seed)
         self._new_map_after_s = new_map_after_s
+        self._fragments = None if fragments is None else Path(fragments)
         self._device = device if isinstance(device, Device) else choose_device(device)
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
@@ -263,8 +269,15 @@ class Slam:
 
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(
-            self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s
+            self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s,
+            keep=self._save_fragment,
         )  # fmt: skip
+
+    def _save_fragment(self, fragment: Fragment) -> None:
+        if self._fragments is not None:
+            self._fragments.mkdir(parents=True, exist_ok=True)
+            path = self._fragments / fragment_map_name(fragment.number)
+            save_checkpoint(path, fragment_map(fragment, self.config))
 
     def _open_map(self, frame: Frame) -> None:
         c = self.config

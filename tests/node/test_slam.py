@@ -20,9 +20,12 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import (
@@ -172,6 +175,25 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0))
     slam.finish()
     assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005
+
+
+def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
+    """The camera goes through a dark door into another building."""
+    room = room_frames()[:4]
+    options = SourceOptions(stride=6, frames=30, synth=SynthOptions(width_px=160, height_px=120))
+    other = [f for f in open_source("synth:apartment", options).frames() if isinstance(f, Frame)]
+    last_ns, step_ns = room[-1].stamp_ns, 200_000_000
+    dark = [with_black(room[-1], stamp_ns=last_ns + k * step_ns) for k in range(1, 20)]
+    after = [replace(f, stamp_ns=last_ns + (20 + k) * step_ns) for k, f in enumerate(other)]
+    for folder in (None, tmp_path / "run"):
+        slam = Slam(SMALL, fragments=folder)
+        for frame in (*room, *dark, *after):
+            slam.process(frame)
+        slam.finish()
+    (path,) = (tmp_path / "run").iterdir()
+    assert path.name == "map_fragment_1.safetensors"
+    saved = load_checkpoint(path)
+    assert not saved.is_fitted and saved.keyframe_stamps_ns[0] >= after[0].stamp_ns
 
 
 @pytest.mark.parametrize(

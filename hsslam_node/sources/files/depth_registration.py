@@ -74,7 +74,7 @@ class DepthRegistration:
         return np.where(is_seen, np.rint(np.minimum(z, _LARGEST)), 0).astype(np.uint16)
 
     def _places(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Column and row in the depth image, [H, W] float32, of colour pixels with this depth; outside for 0."""
+        """Column and row [H, W] float32 in the depth image of pixels with this depth; outside of it for 0."""
         is_there = depth > 0
         inverse = np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=is_there)
         across, down, ahead = (r + m * inverse for r, m in zip(self._rays, self._move, strict=True))

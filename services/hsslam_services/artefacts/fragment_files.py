@@ -8,8 +8,8 @@ from typing import Literal
 from hsslam_node.config import SlamConfig
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.fragment_map import fragment_map
+from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.map.checkpoint import save_checkpoint
-from hsslam_services.artefacts.fragment_names import fragment_map_name
 
 _TURN_S = 0.2
 

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from hsslam_node.errors import UserError
+from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.geometry.trajectory import Trajectory, write_tum_pieces
 from hsslam_node.map.epoch_poses import EpochPoses
 from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena import Arena
-from hsslam_services.artefacts.fragment_names import fragment_map_name, fragment_trajectory_name
+from hsslam_services.artefacts.fragment_names import fragment_trajectory_name
 from hsslam_services.run.summary import pose_section
 
 
