@@ -27,7 +27,7 @@ from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.fragment_map import fragment_map
-from hsslam_node.fragments.fragment_name import fragment_map_name
+from hsslam_node.fragments.fragment_name import fragment_map_name, newest_fragment_map
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame, expect_trackable
 from hsslam_node.geometry.camera import Camera
@@ -81,7 +81,8 @@ class Slam:
 
         `new_map_after_s`: if the camera is lost for this time, it starts another map, a fragment, which
         joins the first map where they overlap; 0: never. One that ends without a join is saved for
-        `hsslam-map merge`: map_fragment_1.safetensors and so on in the folder `fragments`; None: it is lost.
+        `hsslam-map merge`: map_fragment_1.safetensors and so on in the folder `fragments`, beside those that
+        are there; None: it is lost.
 
         Raises:
             UserError: the saved map (see `restore_map`) or the device cannot be used, `localise_only` has no
@@ -100,7 +101,7 @@ class Slam:
         self.localise_only = localise_only
         self.seed = int(seed)
         self._new_map_after_s = new_map_after_s
-        self._fragments = None if fragments is None else Path(fragments)
+        self._fragments = None if fragments is None else _made(Path(fragments))
         self._device = device if isinstance(device, Device) else choose_device(device)
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
@@ -270,12 +271,12 @@ class Slam:
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(
             self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s,
+            fragments=newest_fragment_map(self._fragments) if self._fragments else 0,
             keep=self._save_fragment,
         )  # fmt: skip
 
     def _save_fragment(self, fragment: Fragment) -> None:
         if self._fragments is not None:
-            self._fragments.mkdir(parents=True, exist_ok=True)
             path = self._fragments / fragment_map_name(fragment.number)
             save_checkpoint(path, fragment_map(fragment, self.config))
 
@@ -291,3 +292,12 @@ class Slam:
         self._views = MapViews(parameters, self._device, with_color=c.tracker.method == "rendering")
         if c.ba.enabled:
             self._ba = open_adjustment(c, parameters, self.seed, self._device)
+
+
+def _made(folder: Path) -> Path:
+    """The folder, made if it does not exist; UserError if it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"fragments = {folder}: {error.strerror}: expected a folder") from None
+    return folder

@@ -185,15 +185,21 @@ def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
     last_ns, step_ns = room[-1].stamp_ns, 200_000_000
     dark = [with_black(room[-1], stamp_ns=last_ns + k * step_ns) for k in range(1, 20)]
     after = [replace(f, stamp_ns=last_ns + (20 + k) * step_ns) for k, f in enumerate(other)]
-    for folder in (None, tmp_path / "run"):
+    for folder in (None, tmp_path / "run", tmp_path / "run"):
         slam = Slam(SMALL, fragments=folder)
         for frame in (*room, *dark, *after):
             slam.process(frame)
         slam.finish()
-    (path,) = (tmp_path / "run").iterdir()
-    assert path.name == "map_fragment_1.safetensors"
-    saved = load_checkpoint(path)
-    assert not saved.is_fitted and saved.keyframe_stamps_ns[0] >= after[0].stamp_ns
+    paths = sorted((tmp_path / "run").iterdir())
+    assert [path.name for path in paths] == [f"map_fragment_{n}.safetensors" for n in (1, 2)]
+    for saved in map(load_checkpoint, paths):
+        assert not saved.is_fitted and saved.keyframe_stamps_ns[0] >= after[0].stamp_ns
+
+
+def test_a_folder_of_fragments_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match=r"fragments = .*/file: File exists: expected a folder"):
+        Slam(SMALL, fragments=tmp_path / "file")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ class Ros2Options:
     color: str = "color/image_raw"
     """Colour images; a name ending in /compressed is JPEG or PNG."""
     depth: str = "aligned_depth_to_color/image_raw"
-    """Depth images, registered to colour."""
+    """Depth images; others than aligned ones need /tf_static."""
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0
@@ -72,7 +72,7 @@ class BagOptions:
     color: str = ""
     """Colour images (empty: the only topic of colour)."""
     depth: str = ""
-    """Depth images, registered to colour (empty: the only topic of depth)."""
+    """Depth images (empty: the only topic of depth, or the only aligned one)."""
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
     odometry: str = ""

@@ -1,12 +1,10 @@
 """Sensors beside a ROS 2 camera: odometry, an IMU, and the IMU's mounting from `/tf_static`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import zenoh
-import zenoh.ext
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -14,13 +12,13 @@ from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import Report, Reports, sensor_watch
-from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
+from hsslam_services.camera.ros2_depth import declare_static_transforms, received
+from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 _RING = 2048  # messages: more than come between two frames
-_PUBLISHERS = 64  # of `/tf_static`; each keeps its newest message
 
 
 @dataclass(frozen=True)
@@ -51,12 +49,7 @@ class Ros2Sensors:
         ros2 = options.ros2
         self._transforms: Any = None
         if ros2.imu and not options.camera_T_imu:
-            self._transforms = zenoh.ext.declare_advanced_subscriber(
-                session,
-                topic_keys(ros2.domain, TOPIC),
-                zenoh.handlers.RingChannel(_PUBLISHERS),
-                history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-            )
+            self._transforms = declare_static_transforms(session, ros2.domain)
         self._sensors = [
             _Sensor(
                 *(option, topic, kind, make(options, sensor_watch(topic, reports.add))),
@@ -80,7 +73,7 @@ class Ros2Sensors:
         """Take all received messages; report messages of another type and unusable ones."""
         self._hear_transforms()
         for sensor in self._sensors:
-            for payload, type_name in _received(sensor.subscriber):
+            for payload, type_name in received(sensor.subscriber):
                 decode = self._cdr.imu if sensor.type_name == IMU else self._cdr.odometry
                 try:
                     sensor.sensor.take(decode(payload, type_name))
@@ -90,7 +83,7 @@ class Ros2Sensors:
     def _hear_transforms(self) -> None:
         if self._transforms is None:
             return
-        for payload, type_name in _received(self._transforms):
+        for payload, type_name in received(self._transforms):
             try:
                 self._mountings.take(self._cdr.transforms(payload, type_name))
             except (BadImageError, UserError) as error:
@@ -113,8 +106,3 @@ class Ros2Sensors:
         for sensor in self._sensors:
             frame = sensor.sensor.given(frame)
         return frame
-
-
-def _received(subscriber: Any) -> Iterator[tuple[bytes, str]]:
-    while (sample := subscriber.try_recv()) is not None:
-        yield sample.payload.to_bytes(), type_of(str(sample.key_expr))

@@ -16,6 +16,7 @@ from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
+from hsslam_services.camera.ros2_depth import Ros2Depth
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
@@ -73,13 +74,14 @@ class Ros2Source:
                 for topic in self._topics
             )
             self._sensors = Ros2Sensors(name, options, self._session, self._cdr, self.reports)
-            camera, first = self._wait(name)
+            self._depth_camera = Ros2Depth(
+                self._session, domain, self._topics[:2], self._cdr, self.reports
+            )
+            cameras, first = self._wait(name)
+            mounting = self._depth_camera.mounting(f"ros2:{name}", cameras, first)
             depth_scale = options.camera.depth_scale
-            self._frames = RosFrames(f"ros2:{name}", camera, first, depth_scale)
+            self._frames = RosFrames(f"ros2:{name}", cameras[0], first, depth_scale, mounting)
             on_error.pop_all()
-        color_frame, depth_frame = (image.frame_id for image in first)
-        if color_frame and depth_frame and color_frame != depth_frame:
-            self.reports.add(_other_frame(self._topics[1], depth_frame, color_frame))
         self.name = f"ros2:{name}"
         self.camera = self._frames.camera
         self.rate_hz = _RATE_HZ
@@ -131,9 +133,10 @@ class Ros2Source:
             except (BadImageError, UserError) as error:
                 self.reports.add(Report.unusable(self._topics[2], error))
 
-    def _camera_of(self, sample: zenoh.Sample) -> Camera:
+    def _camera_of(self, sample: zenoh.Sample, *, unrectified: bool = False) -> Camera:
         payload, kind = sample.payload.to_bytes(), type_of(str(sample.key_expr))
-        return self._cdr.camera(payload, kind, is_rectified(self._topics[0]))
+        uses_P = is_rectified(self._topics[0]) and not unrectified
+        return self._cdr.camera(payload, kind, uses_P)
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """The next pair of received images, None if there is none yet; raises BadImageError."""
@@ -159,36 +162,42 @@ class Ros2Source:
         except BadImageError as error:
             raise BadImageError(f"{topic_of(key)}: {error}") from None
 
-    def _wait(self, name: str) -> tuple[Camera, tuple[RawImage, RawImage]]:
-        """Wait for the intrinsics and the first pair."""
-        camera, pair, problem = None, None, ""
+    def _wait(self, name: str) -> tuple[tuple[Camera, Camera], tuple[RawImage, RawImage]]:
+        """Wait for the intrinsics, as rectified and by K, the first pair, and where the depth camera is."""
+        camera, unrectified, pair, problem = None, None, None, ""
         broken: list[tuple[RawImage, RawImage]] = []
         deadline = time.monotonic() + self._options.ros2.timeout_s
         needs_sensors = not self._options.is_reopened
         while (
-            camera is None or pair is None or (needs_sensors and self._sensors.silent)
+            camera is None
+            or unrectified is None
+            or pair is None
+            or (needs_sensors and self._sensors.silent)
+            or self._depth_camera.is_awaited(pair, unrectified)
         ) and time.monotonic() < deadline:
             if self._should_stop():
                 raise _stopped(name)
             try:
                 if camera is None and (sample := self._info.try_recv()) is not None:
                     camera = self._camera_of(sample)
+                    unrectified = self._camera_of(sample, unrectified=True)
                     if self._cdr.has_lens(sample.payload.to_bytes()):
                         report_one_rectified(*self._topics[:2], "--ros2", self.reports)
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
-                    if can_be_used(newest, camera):
+                    if can_be_used(newest, camera, self._depth_camera.camera(newest)):
                         pair = newest
                     elif len(broken) < MOST_BROKEN:
                         broken.append(newest)
                 if pair is None and len(broken) == MOST_BROKEN:
                     pair = broken[0]
                 self._sensors.hear()
+                self._depth_camera.hear()
             except (BadImageError, UserError) as error:
                 problem = f"; {error}"
             time.sleep(_POLL_S)
         pair = pair or next(iter(broken), None)
-        if camera is None or pair is None:
+        if camera is None or unrectified is None or pair is None:
             missing = "no camera_info" if camera is None else "no colour-depth pair"
             waited = f"within {self._options.ros2.timeout_s:g} s"
             raise UserError(
@@ -201,13 +210,13 @@ class Ros2Source:
             if not needs_sensors:
                 text = f"{silent.topic}: silent since the camera is opened again: frames go on without it"
                 self.reports.add(Report(f"{silent.topic}: silent", text))
-                return camera, pair
+                return (camera, unrectified), pair
             raise UserError(
                 f"source ros2:{name}: no {silent.name} within {self._options.ros2.timeout_s:g} s on "
                 f"{silent.topic}{self._sensors.problem}: expected {silent.type_name}, or no "
                 f"--ros2.{silent.name}"
             )
-        return camera, pair
+        return (camera, unrectified), pair
 
     def _hear_sensors(self) -> None:
         """Wait a little for sensors that send more rarely than the camera."""
@@ -247,12 +256,3 @@ class Ros2Source:
 
 def _stopped(name: str) -> UserError:
     return UserError(f"source ros2:{name}: stopped before the first frame")
-
-
-def _other_frame(topic: str, depth_frame: str, color_frame: str) -> Report:
-    """Depth names another camera than colour; the images alone do not show whether it is registered."""
-    return Report(
-        "frame_id of depth",
-        f"{topic}: frame_id {depth_frame}: expected {color_frame} as colour, if depth is registered to it "
-        "(realsense: align_depth.enable:=true)",
-    )

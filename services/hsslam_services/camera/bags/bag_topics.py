@@ -1,8 +1,10 @@
 """Finds the topics of a bag with colour, depth and intrinsics of the camera."""
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
@@ -13,7 +15,12 @@ from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bags import realsense_recording
 from hsslam_services.camera.bags.bag_file import BagFile, BagMessage, BagTopic
-from hsslam_services.camera.bags.depth_mounting import REGISTERED, BagImages, depth_mounting
+from hsslam_services.camera.depth_mounting import (
+    ShownImages,
+    depth_mounting,
+    is_named_registered,
+    report_other_frame,
+)
 from hsslam_services.camera.ros2_messages import (
     COMPRESSED,
     IMAGE,
@@ -54,22 +61,27 @@ def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamer
     colors = [name for name, image in images.items() if image.content == "color"]
     greys = [name for name, image in images.items() if image.content == "grey"]
     depths = [name for name, image in images.items() if image.content == "depth"]
-    registered = [name for name in depths if REGISTERED.search(name)]
+    registered = [name for name in depths if is_named_registered(name)]
     color = _chosen(bag, "color", options.color, colors or greys, images)
     depth = _chosen(bag, "depth", options.depth, registered or depths, images)
     infos = [name for name, message in firsts.items() if message.type_name == INFO]
     beside = _info_beside(color, infos) or infos
     info = _chosen(bag, "info", options.info, beside, infos)
     camera = camera_of(bag, firsts[info], color)
-    mounting = None
-    for depth_info in _info_beside(depth, infos):
-        shown_color = BagImages(color, camera, images[color].frame_id)
-        of_depth = camera_of(bag, firsts[depth_info], depth)
-        shown_depth = BagImages(depth, of_depth, images[depth].frame_id)
-        mounting = depth_mounting(bag, shown_color, shown_depth, reports)
+    mounting, depth_infos = None, _info_beside(depth, infos)
+    if not depth_infos:
+        report_other_frame(depth, images[color].frame_id, images[depth].frame_id, reports)
+    for depth_info in depth_infos:
+        shown = (
+            _shown(bag, color, firsts[info], images[color]),
+            _shown(bag, depth, firsts[depth_info], images[depth]),
+        )
+        T_color_depth = _T_color_depth(bag, *shown, reports)
+        mounting = depth_mounting(bag.name, *shown, T_color_depth, reports)
     if mounting is None and bag.decode.has_lens(firsts[info].payload):
         report_one_rectified(color, depth, "--bag", reports)
-    units = realsense_recording.depth_units_per_m(bag, depth)
+    with _named(bag, depth, "unit"):
+        units = realsense_recording.depth_units_per_m(bag, depth)
     first = images[color], images[depth]
     return BagCamera(color, depth, info, camera, first, mounting, units)
 
@@ -216,3 +228,35 @@ def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
         return bag.decode.camera(message.payload, message.type_name, is_rectified(color))
     except (BadImageError, UserError) as error:
         raise UserError(f"source {bag.name}: {message.topic}: {error}") from None
+
+
+def _shown(bag: BagFile, topic: str, info: BagMessage, first: RawImage) -> ShownImages:
+    """The images of a topic with their `camera_info`; with K, if P is missing."""
+    unrectified = camera_of(bag, info, "")
+    try:
+        camera = camera_of(bag, info, topic)
+    except UserError:
+        camera = unrectified
+    return ShownImages(topic, camera, unrectified, first.frame_id)
+
+
+def _T_color_depth(
+    bag: BagFile, color: ShownImages, depth: ShownImages, reports: Reports
+) -> np.ndarray | None:
+    """The pose of the depth camera in the colour camera, [4, 4]; None if the bag has none."""
+    if is_named_registered(depth.topic):
+        return None
+    with _named(bag, depth.topic, "mounting of the camera"):
+        found = realsense_recording.mounted_at(bag, color.topic, depth.topic)
+    if found is None and depth.frame_id and color.frame_id and depth.frame_id != color.frame_id:
+        found = bag.static_transforms(reports).between(color.frame_id, depth.frame_id)
+    return found
+
+
+@contextlib.contextmanager
+def _named(bag: BagFile, topic: str, what: str) -> Iterator[None]:
+    """Name the bag, a topic and what of it cannot be read, in an error about other messages."""
+    try:
+        yield
+    except (BadImageError, UserError) as error:
+        raise UserError(f"source {bag.name}: {topic}: {what}: {error}") from None

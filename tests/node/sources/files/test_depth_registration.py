@@ -74,6 +74,35 @@ def test_a_plane_stays_the_plane(turn_deg, move, tilt):
     assert np.abs(error[found > 0]).max() < 2.5  # units: half a millimetre
 
 
+@pytest.mark.parametrize(
+    ("depth", "color"),
+    [  # width, height, focal length: profiles of cameras, at a quarter of their size
+        ((212, 120, 106), (320, 180, 229)),  # D435, colour of 1280x720
+        ((212, 120, 106), (480, 270, 343)),  # and of 1920x1080
+        ((160, 120, 96), (320, 180, 229)),
+        ((320, 180, 159), (160, 120, 152)),  # depth of more rows and columns than colour
+        ((256, 192, 181), (320, 180, 229)),  # L515: of more rows
+        ((212, 120, 106), (160, 120, 152)),  # of more columns
+        ((128, 106, 91), (480, 270, 270)),  # Kinect v2
+    ],
+)
+def test_cameras_of_any_size(depth, color):
+    """A plane has depth in all pixels of colour that look at its image, but at the border."""
+    of_depth, of_color = (
+        Camera(w, h, float(f), float(f), (w - 1) / 2, (h - 1) / 2) for w, h, f in (depth, color)
+    )
+    depth_raw = np.rint(_UNITS_PER_M * _plane(of_depth, _SIDEWAYS, (0.1, 0.1))).astype(np.uint16)
+    found = DepthRegistration(of_depth, of_color, _SIDEWAYS, _UNITS_PER_M).registered(depth_raw)
+    exact_m = _plane(of_color, np.eye(4), (0.1, 0.1))
+    rows, columns = np.mgrid[: of_color.height_px, : of_color.width_px]
+    points = np.stack([(columns - of_color.cx), (rows - of_color.cy)]) * exact_m / of_color.fx
+    u, v = of_depth.fx * (points - _SIDEWAYS[:2, 3, None, None]) / exact_m
+    half = np.array([of_depth.width_px, of_depth.height_px]) / 2 - 4
+    inside = (np.abs(u) < half[0]) & (np.abs(v) < half[1])
+    assert inside.sum() > 2000 and (found[inside] > 0).all()
+    assert np.abs(found - _UNITS_PER_M * exact_m)[inside].max() < 2.5
+
+
 def test_the_same_camera_changes_nothing():
     (seen,) = seen_room(_UNITS_PER_M, rows=(20,))
     found = DepthRegistration(DEPTH, DEPTH, np.eye(4), _UNITS_PER_M).registered(seen.depth_raw)

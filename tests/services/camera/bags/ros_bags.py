@@ -147,6 +147,11 @@ class BagWriter:
         """A `Transform` x y z qx qy qz qw, recorded at this time."""
         self._write(topic, stamp_ns, "geometry_msgs/msg/Transform", self._transform(numbers))
 
+    def number(self, topic: str, stamp_ns: int, value: float) -> None:
+        """A `Float32`, recorded at this time."""
+        kind = "std_msgs/msg/Float32"
+        self._write(topic, stamp_ns, kind, self._new(kind, data=value))
+
     def _transform(self, numbers: Sequence[float]) -> Any:
         x, y, z, *q = numbers
         turn = self._new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", q, strict=True)))

@@ -44,12 +44,14 @@ def _numbers(T: np.ndarray) -> list[float]:
     return [*T[:3, 3].tolist(), *Rotation.from_matrix(T[:3, :3]).as_quat().tolist()]
 
 
-def _write(bag: BagWriter, room: list[Seen], depth_topic: str = _DEPTH_TOPIC) -> None:
+def _write(
+    bag: BagWriter, room: list[Seen], depth_topic: str = _DEPTH_TOPIC, scale: float = 1.0
+) -> None:
     """The topics of a RealSense in ROS without align_depth."""
     for number, seen in enumerate(room):
         stamp_ns = 1 + 33_000_000 * number
         bag.info(INFO, stamp_ns, COLOR)
-        bag.info(depth_topic.rpartition("/")[0] + "/camera_info", stamp_ns, DEPTH, scale=1.0)
+        bag.info(depth_topic.rpartition("/")[0] + "/camera_info", stamp_ns, DEPTH, scale=scale)
         bag.image(COLOR_TOPIC, stamp_ns, seen.color, "rgb8", frame_id="color_optical")
         bag.image(depth_topic, stamp_ns, seen.depth_raw, "16UC1", frame_id="depth_optical")
 
@@ -102,22 +104,39 @@ def test_without_a_mounting_it_is_one_line(room, tmp_path: Path):
     assert "\n" not in text
 
 
-def test_equal_cameras_that_sit_apart_are_registered_too(room, tmp_path: Path):
-    """The control is aligned by its name: it stays as it is."""
-    twin = [replace(seen, color=seen.color) for seen in room]
-    for name, topic in (("apart", _DEPTH_TOPIC), ("aligned", ALIGNED_TOPIC)):
-        with new_bag(tmp_path / name, "mcap") as bag:
-            _mount(bag)
-            for number, seen in enumerate(twin):
-                bag.info(INFO, 1 + number, DEPTH)
-                bag.info(topic.rpartition("/")[0] + "/camera_info", 1 + number, DEPTH, scale=1.0)
-                bag.image(COLOR_TOPIC, 1 + number, seen.color, "rgb8", frame_id="color_optical")
-                bag.image(topic, 1 + number, seen.depth_raw, "16UC1", frame_id="depth_optical")
-    apart, aligned = (opened(tmp_path / name) for name in ("apart", "aligned"))
-    assert len(reports_of(apart).take()) == 1 and not reports_of(aligned).take()
-    for moved, kept, seen in zip(whole_frames(apart), whole_frames(aligned), room, strict=True):
-        np.testing.assert_array_equal(kept.depth_raw, seen.depth_raw)
-        assert np.mean(moved.depth_raw != seen.depth_raw) > 0.5
+def test_depth_with_the_intrinsics_of_colour_counts_as_registered(room, tmp_path: Path):
+    """Some drivers give registered depth the frame of the depth camera; it is reported."""
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        _mount(bag)
+        for number, seen in enumerate(room):
+            bag.info(INFO, 1 + number, DEPTH)
+            bag.info(_DEPTH_INFO, 1 + number, DEPTH, scale=1.0)
+            bag.image(COLOR_TOPIC, 1 + number, seen.color, "rgb8", frame_id="color_optical")
+            bag.image(_DEPTH_TOPIC, 1 + number, seen.depth_raw, "16UC1", frame_id="depth_optical")
+    source = opened(tmp_path / "bag")
+    (report,) = reports_of(source).take()
+    assert report.text.startswith(f"{_DEPTH_TOPIC}: frame_id depth_optical: expected color_optical")
+    for frame, seen in zip(whole_frames(source), room, strict=True):
+        np.testing.assert_array_equal(frame.depth_raw, seen.depth_raw)
+
+
+def test_depth_that_is_aligned_by_its_name_is_not_moved(room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        _mount(bag)
+        _write(bag, room, ALIGNED_TOPIC)
+    with pytest.raises(
+        UserError, match=r"expected depth that is registered to colour as its name says"
+    ):
+        opened(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_intrinsics_of_rectified_depth_may_lack_P(kind: str, room, tmp_path: Path):
+    path = tmp_path / ("bag.bag" if kind == "bag" else "bag")
+    with new_bag(path, kind) as bag:
+        _mount(bag)
+        _write(bag, room, scale=0.0)
+    expect_registered(whole_frames(opened(path))[0].depth_raw, room[0].exact, _UNITS_PER_M)
 
 
 def test_depth_of_another_size_than_its_camera_is_a_bad_frame(room, tmp_path: Path):
@@ -128,6 +147,58 @@ def test_depth_of_another_size_than_its_camera_is_a_bad_frame(room, tmp_path: Pa
     items = list(opened(tmp_path / "bag").frames())
     assert [isinstance(item, BadFrame) for item in items] == [False, True, False]
     assert items[1].reason == "16UC1 of 160x60 pixels: expected 160x120 as before"
+
+
+def test_a_frame_that_looks_another_way_is_named(room, tmp_path: Path):
+    """The body frame, x ahead, in the place of the optical one."""
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        of_body = ("color_optical", "depth_optical", [0.01, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5])
+        bag.static_transforms(1, [of_body])
+        _write(bag, room)
+    words = r"frame_id depth_optical looks another way than that of .*, color_optical, by /tf_static: ex"
+    with pytest.raises(UserError, match=words):
+        opened(tmp_path / "bag")
+
+
+def test_depth_of_another_frame_without_intrinsics_is_reported(room, tmp_path: Path):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for number, seen in enumerate(room):
+            bag.info(INFO, 1 + number, COLOR)
+            bag.image(COLOR_TOPIC, 1 + number, seen.color, "rgb8", frame_id="color_optical")
+            bag.image(_DEPTH_TOPIC, 1 + number, seen.depth_raw, "16UC1", frame_id="depth_optical")
+    (report,) = reports_of(opened(tmp_path / "bag")).take()
+    assert "frame_id depth_optical: expected color_optical as colour, if depth is" in report.text
+
+
+@pytest.mark.parametrize("of_depth", [True, False])
+def test_registered_depth_of_which_one_topic_is_rectified_goes_on(of_depth, room, tmp_path: Path):
+    """One camera, whose P differs from K: colour and depth have the same `camera_info`."""
+    lens = replace(COLOR, distortion=(0.3, -0.1, 0.0, 0.0, 0.0))
+    color, depth = ("rgb/image_raw", "depth_registered/image_rect")
+    if not of_depth:
+        color, depth = ("rgb/image_rect_color", "depth_registered/image_raw")
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for topic in (color, depth):
+            bag.info(f"/{topic.rpartition('/')[0]}/camera_info", 1, lens)
+        bag.image(f"/{color}", 5, room[0].color, "rgb8")
+        bag.image(f"/{depth}", 5, room[0].depth_raw, "16UC1")
+    source = opened(tmp_path / "bag")
+    (report,) = reports_of(source).take()
+    assert "is rectified by its name" in report.text and len(whole_frames(source)) == 1
+
+
+@pytest.mark.parametrize(("kind", "kept_bytes"), [("bag", 2), ("db3", 6)])
+def test_a_unit_that_is_cut_off_is_one_line(kind, kept_bytes, room, tmp_path: Path):
+    path = tmp_path / ("viewer.bag" if kind == "bag" else "viewer")
+    with new_bag(path, kind) as bag:
+        for stream, camera in ((_STREAM, COLOR), ("/device_0/sensor_1/Color_0", COLOR)):
+            bag.info(f"{stream}/info/camera_info", 1, camera)
+        bag.image(f"{_STREAM}/image/data", 5, room[0].depth_raw, "mono16")
+        bag.image("/device_0/sensor_1/Color_0/image/data", 5, room[0].color, "rgb8")
+        bag.kept_bytes = kept_bytes
+        bag.number("/device_0/sensor_0/option/Depth_Units/value", 1, 0.001)
+    with pytest.raises(UserError, match=r"Depth_0/image/data: unit: no std_msgs/msg/Float32 in"):
+        opened(path)
 
 
 def test_a_mounting_that_is_not_valid_is_named(room, tmp_path: Path):
