@@ -11,12 +11,12 @@ from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.arena.arena_folder import SHM_ROOT, remove_arena, run_dir_of, try_own
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import read_unsaved
+from hsslam_services.artefacts.lost_results import LOST_FOREVER
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
 
-_NOT_IN_ARENA = frozenset({"log", "fragments"})  # of the names in `not_saved`
 _GIVEN_UP = "a second signal ended the run"
 RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
@@ -45,7 +45,7 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     arena_dir, run_dir = _places(given)
     if not arena_dir.exists():
         not_saved = read_summary(run_dir).get("not_saved")
-        if not_saved is not None and not_saved.keys() <= _NOT_IN_ARENA:
+        if not_saved is not None and not_saved.keys() <= LOST_FOREVER:
             return _report_end(run_dir, not_saved)
         raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
     try:
@@ -110,7 +110,7 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
     known = read_summary(run_dir).get("not_saved") or {}
-    left = {name: line for name, line in known.items() if name in _NOT_IN_ARENA} | not_saved
+    left = {name: line for name, line in known.items() if name in LOST_FOREVER} | not_saved
     try:
         update_summary(run_dir, {"not_saved": left}, replaced=("not_saved",))
     except OSError as error:
@@ -124,7 +124,7 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 def _report_end(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
     """Report what no rescue saves: log, fragments, and what a second signal gave up; the rest is saved."""
     lost = dict.fromkeys(read_summary(run_dir).get("given_up", ()), _GIVEN_UP)
-    lost |= {name: why for name, why in not_saved.items() if name in _NOT_IN_ARENA}
+    lost |= {name: why for name, why in not_saved.items() if name in LOST_FOREVER}
     for name, why in lost.items():
         print(f"{run_dir}: {name} not saved: {why}", file=sys.stderr)
     if lost:

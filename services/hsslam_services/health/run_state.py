@@ -49,6 +49,7 @@ class RunState:
     last_keyframe: int = -1  # also of a saved map that the run goes on with
     tracked: int = 0
     lost: int = 0
+    in_fragments: int = 0  # of those lost
     ba_rounds: int = 0
     pose_version: tuple[int, int] = (0, 0)  # map epoch and version of the last correction
     started_s: float = field(default_factory=time.monotonic)
@@ -96,6 +97,11 @@ class RunState:
             return True
         return self.tracked + self.lost + dropped >= end.frame_count
 
+    def has_worked(self, *, goes_on: bool) -> bool:
+        """Whether more than one frame was tracked, in the map or in a fragment; `goes_on`: with a saved map,
+        in which a frame that is answered counts, as it was compared with the map."""
+        return self.tracked + (self.lost if goes_on else self.in_fragments) > 1
+
     def forget_map(self) -> None:
         """Forget the map after a reset; counts go on."""
         self.pose = self.map = None
@@ -113,6 +119,7 @@ class RunState:
         self.pose = pose
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
+        self.in_fragments += pose.fragment > 0
         latency_ms = (pose.publish_ns - pose.stamp_ns) / 1e6
         if not self._is_possible(latency_ms, now_s):
             self.recent.append(PoseTimes(now_s, None))

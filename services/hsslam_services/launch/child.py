@@ -90,6 +90,11 @@ class Child:
         return self._process is not None
 
     @property
+    def is_restarting(self) -> bool:
+        """Whether it should run, has crashed, and does not run again yet."""
+        return self.wanted and self.restarts > 0 and self.state in ("waiting", "starting")
+
+    @property
     def pid(self) -> int | None:
         return self._process.pid if self._process else None
 

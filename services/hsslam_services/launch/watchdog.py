@@ -57,6 +57,7 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
 
 def _save(arena_dir: Path, run_dir: Path) -> None:
     """Save all results; if this fails, the arena stays and is marked as unsaved."""
+    from hsslam_services.artefacts.lost_results import lost_fragments, unfinished_log
     from hsslam_services.artefacts.rescue import rescue  # while they end: PyTorch takes 1 s
     from hsslam_services.run.process_result import read_result
     from hsslam_services.run.summary import update_summary
@@ -68,8 +69,14 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         while recorders & living_processes(arena_dir).keys() and time.monotonic() < deadline:
             time.sleep(_POLL_S)
         log = read_result(run_dir, "recorder").summary
-        reason = {"stop_reason": "the supervisor crashed or was killed", "not_saved": not_saved}
-        update_summary(run_dir, {**log, **reason})
+        lost = {"fragments": lost_fragments(run_dir)}
+        if any(run_dir.glob("run*.mcap")):
+            lost["log"] = unfinished_log(run_dir)
+        lost = {name: why for name, why in lost.items() if why}
+        for name, why in lost.items():
+            _report(f"{name} not saved: {why}")
+        reason = {"stop_reason": "the supervisor crashed or was killed"}
+        update_summary(run_dir, {**log, **reason, "not_saved": {**not_saved, **lost}})
     except (UserError, OSError) as error:
         _report(f"error: {error}")
         return

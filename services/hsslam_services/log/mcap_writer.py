@@ -105,7 +105,7 @@ class McapLog:
 
     @property
     def sync_error(self) -> str:
-        """Error of the last failed sync to disk; normally empty."""
+        """As in `ResilientFile`."""
         return self._file.sync_error
 
     @property

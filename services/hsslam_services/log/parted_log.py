@@ -56,6 +56,7 @@ class PartedLog:
         self._closed_counts: Counter[str] = Counter()
         self._lost_bytes = 0
         self._closed_refused = 0
+        self._closed_sync_error = ""
         self.removed: list[str] = []
         self._part = self._next_part()
         self._previous: McapLog | None = None  # a slow disk may still take it
@@ -93,8 +94,9 @@ class PartedLog:
 
     @property
     def sync_error(self) -> str:
-        """As in `McapLog`, also of the previous part."""
-        return self._part.sync_error or (self._previous.sync_error if self._previous else "")
+        """As in `McapLog`, of all parts."""
+        previous = self._previous.sync_error if self._previous else ""
+        return self._closed_sync_error or previous or self._part.sync_error
 
     @property
     def place(self) -> tuple[Path, int, dict[int, str]]:
@@ -119,6 +121,7 @@ class PartedLog:
     def _wait_for_previous(self) -> None:
         if self._previous is not None:
             self._previous.wait_until_closed()
+            self._closed_sync_error = self._closed_sync_error or self._previous.sync_error
 
     def _turn_if_full(self) -> None:
         limit, keep = self.settings.part_bytes, self.settings.keep_bytes

@@ -36,7 +36,7 @@ class ResilientFile:
 
     @property
     def sync_error(self) -> str:
-        """Error of the last failed sync to disk; normally empty."""
+        """Error of the first failed sync of the file to disk, whose data may be lost; normally empty."""
         return self._syncing.error
 
     def write(self, data: bytes) -> int:
@@ -109,18 +109,15 @@ class _Syncing(threading.Thread):
         self._requested.set()
 
     def run(self) -> None:
-        self._try(lambda: sync_folder(self._folder))
+        with contextlib.suppress(OSError):  # the file is there, if the machine goes on
+            sync_folder(self._folder)
         is_last = False
         while not is_last:
             self._requested.wait()
             self._requested.clear()
             is_last = self._stopped
-            self._try(lambda: os.fdatasync(self._fd))
+            try:
+                os.fdatasync(self._fd)
+            except OSError as error:  # the kernel forgets the data: no later sync brings them back
+                self.error = self.error or str(error.strerror)
         os.close(self._fd)
-
-    def _try(self, sync) -> None:
-        try:
-            sync()
-        except OSError as error:
-            if error.errno not in _FULL:
-                self.error = str(error.strerror)

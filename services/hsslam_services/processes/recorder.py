@@ -194,7 +194,8 @@ class Recorder:
         existing = parts(self._run_dir)
         return {
             **self.counters(),
-            "complete": lost_bytes == refused == 0,
+            "complete": lost_bytes == refused == 0 and not self._log.sync_error,
+            **({"sync_error": self._log.sync_error} if self._log.sync_error else {}),
             "parts": [path.name for path in existing],
             "removed_parts": removed_before(existing),
         }

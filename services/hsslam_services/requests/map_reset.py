@@ -107,6 +107,8 @@ class MapReset:
         for child in children:
             child.wanted = False
         yield from _ended(children)
+        with contextlib.suppress(OSError):  # what the tracker lost, before the next one begins
+            update_summary(self._run.path, read_result(self._run.path, "tracker").summary)
         error = yield from self._save_trajectories()
         if not error:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)

@@ -9,7 +9,11 @@ from pathlib import Path
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
+from hsslam_services.artefacts.lost_results import (
+    POSES_NOT_LOGGED,
+    lost_fragments,
+    unfinished_log,
+)
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import frames_dropped
 from hsslam_services.launch.child import Child
@@ -25,11 +29,11 @@ from hsslam_services.launch.process_table import (
     TRACKER_STAGE,
     TRAJECTORY_SAVER,
 )
-from hsslam_services.log.parts import parts
-from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 
 _LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may never come
+_LONGEST_RESTART_S = 3.0  # of a process that crashed just before the end
+_FINISHES_WORK = ("recorder", "mapper", "global_ba")  # processes that work on when they are stopped
 
 
 @dataclass
@@ -56,6 +60,7 @@ class OrderlyEnd:
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
+    _saved_version: int = -1  # of the poses, when the trajectories were last saved
 
     def to_the_end(self) -> None:
         """Do all steps; if one fails, the others still run."""
@@ -64,9 +69,9 @@ class OrderlyEnd:
         self._stop(CAMERA_STAGE)
         self._drain()
         self._stop(TRACKER_STAGE)
-        self._save("trajectories", TRAJECTORY_SAVER, patience=2 if self.state.tracked else 1)
-        self._check_fragments()
-        saved_at = self._pose_version()
+        self._save_trajectories(patience=2 if self.state.tracked else 1)
+        self._check_poses()
+        self._await_restarts()
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
         if math.isfinite(self.run.options.finish_budget_s):
@@ -74,9 +79,9 @@ class OrderlyEnd:
             self._save("map", FINAL_MAP_SAVER)
             map_state.saved_in_ns = time.monotonic_ns() - begun_ns
         self._stop(BA_STAGE)
-        if self._pose_version() != saved_at:
-            self._save("trajectories", TRAJECTORY_SAVER)
+        self._save_moved_trajectories()
         self._stop(MAP_STAGE)
+        self._save_moved_trajectories()
         self._save("map", FINAL_MAP_SAVER)
         self._stop(MESHER_STAGE)
         self._save("mesh", MESH_SAVER)
@@ -111,6 +116,28 @@ class OrderlyEnd:
             if self.state.has_answered(self.state.source_end, frames_dropped(self.children)):
                 return
 
+    def _await_restarts(self) -> None:
+        """Wait for processes with work to finish that crashed just now, for a limited time; report others."""
+        deadline_s = time.monotonic() + _LONGEST_RESTART_S
+        crashed = [c for name in _FINISHES_WORK if (c := self.children[name]).is_restarting]
+        while any(child.is_restarting for child in crashed) and self.signals() < 2:
+            if time.monotonic() > deadline_s:
+                break
+            self.turn()
+        for child in crashed:
+            if child.is_restarting:
+                self.report(f"{child.spec.name} is not running again: its last work is missing")
+
+    def _save_trajectories(self, patience: int = 1) -> None:
+        # read before, as the saver copies the poses when it begins
+        self._saved_version = self._pose_version()
+        self._save("trajectories", TRAJECTORY_SAVER, patience)
+
+    def _save_moved_trajectories(self) -> None:
+        """Save the trajectories again if keyframes have moved since they were saved."""
+        if self._pose_version() != self._saved_version:
+            self._save_trajectories()
+
     def _save(self, artefact: str, module: str, patience: int = 1) -> None:
         """Run a saver; an artefact that failed before, as on a full disk, is no longer missing on success."""
         error = self._step(artefact, module, patience)
@@ -141,14 +168,14 @@ class OrderlyEnd:
     def _done(self, what: str) -> None:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))
 
-    def _check_fragments(self) -> None:
-        """Miss the fragments that the tracker could not save; they are lost, as no other process has them."""
-        begun = read_result(self.run.path, "trajectory_saver").summary.get("fragments", {})
-        lost = {n: "" for n, each in begun.items() if not each["joined"] and "map" not in each}
-        lost |= read_result(self.run.path, "tracker").summary.get(FRAGMENTS_NOT_SAVED, {})
-        if lost:
-            each = (f"fragment {n}: {why or 'its tracker ended before'}" for n, why in lost.items())
-            self.miss("fragments", f"{'; '.join(each)}: lost")
+    def _check_poses(self) -> None:
+        """Miss the poses that the pose log had no memory for, and the fragments that the tracker lost."""
+        if count := self.children["tracker"].counted(POSES_NOT_LOGGED):
+            self.miss(
+                "poses", f"{count} are missing in the trajectories, as the memory was full: lost"
+            )
+        if lost := lost_fragments(self.run.path):
+            self.miss("fragments", lost)
 
     def _check_log(self) -> None:
         """Check by the recorder's result that the log is complete."""
@@ -156,17 +183,11 @@ class OrderlyEnd:
         has_begun = recorder.health is not None or recorder.restarts or recorder.state == "failed"
         if self.signals() > 1 or not has_begun:
             return
-        log = read_result(self.run.path, recorder.spec.name).summary.get("log", {})
+        error = ""
         if recorder.state == "failed":
-            why = recorder.user_error or "the recorder could not be kept running"
-        elif not log:
-            why = "not finished"
-        elif not log["complete"]:
-            why = "the disk was full, and some messages are lost"
-        else:
-            return
-        helps = f"; run hsslam-log recover {self.run.path} to make the written part readable"
-        self.miss("log", why + helps if parts(self.run.path) else why)
+            error = recorder.user_error or "the recorder could not be kept running"
+        if why := unfinished_log(self.run.path, error):
+            self.miss("log", why)
 
     def _pose_version(self) -> int:
         """Number of corrections of keyframe poses; -1 without keyframes."""

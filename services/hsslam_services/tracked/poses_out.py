@@ -17,6 +17,7 @@ from hsslam_proto.pose_codec import pose_numbers, wire_covariance, wire_pose
 from hsslam_services.arena.full_arrays import FullArrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
 from hsslam_services.launch.worker import Worker
 
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
@@ -53,6 +54,7 @@ class PosesOut:
         robot = RobotFrames.mounted(options.base_T_camera) if is_known else None
         self._path = SmoothPath(self.log, options.slam.tracker.longest_gap_s, robot)
         self._poses = worker.bus.publisher(topics.POSE)
+        self._has_reported = False  # that poses are not logged
 
     def put(self, result: TrackResult, received: Received) -> int:
         """Log and publish the result of a frame; returns the time of publication, ns."""
@@ -67,7 +69,7 @@ class PosesOut:
         )
         self._path.add(row, self._link.store(), result.T_expected, is_carried=result.is_carried)
         if not self.log.append(row):
-            self._worker.count("poses not logged")
+            self._note_not_logged()
         stamps_ns = (
             received.message.stamp_ns,
             received.arrival_ns,
@@ -98,6 +100,13 @@ class PosesOut:
         except OutOfMemoryError as error:
             text = f"poses of fragment {joined.fragment} not joined: {error}"
             self._worker.event("warning", text)
+
+    def _note_not_logged(self) -> None:
+        if not self._has_reported:
+            self._has_reported = True
+            text = "the memory is full: poses are published, but missing in the trajectories"
+            self._worker.event("error", text)
+        self._worker.count(POSES_NOT_LOGGED)
 
     def _up(self) -> list[float]:
         """Direction against gravity, in the world; empty: unknown."""

@@ -36,6 +36,23 @@ def test_status_tells_no_old_pose_as_the_present_one(run_info, age_s, tracking, 
     assert (told.tracking, told.quality) == (tracking, quality)
 
 
+@pytest.mark.parametrize(
+    ("fields", "goes_on", "has_worked"),
+    [
+        ({"status": "tracked"}, False, True),
+        ({"status": "lost", "fragment": 1}, False, True),
+        ({"status": "lost"}, False, False),
+        ({"status": "lost"}, True, True),  # a saved map does not show the place
+    ],
+)
+def test_a_run_has_worked_if_it_has_compared_frames(fields, goes_on, has_worked):
+    state = RunState()
+    for index in (1, 2):
+        assert not state.has_worked(goes_on=goes_on)
+        state.posed(msgspec.structs.replace(pose(index), **fields), 100.0 + index)
+    assert state.has_worked(goes_on=goes_on) == has_worked
+
+
 @pytest.fixture
 def children(tmp_path: Path) -> Iterator[dict[str, Child]]:
     """Tracker and camera, which run and do nothing."""

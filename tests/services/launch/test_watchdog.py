@@ -1,5 +1,6 @@
 """A killed supervisor: its processes end in order, its arena goes, within five seconds."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import psutil
 import pytest
 
 from hsslam_services.artefacts.replaced_results import ReplacedResults
+from hsslam_services.run.process_result import ProcessResult, write_result
 
 _SUPERVISOR = """
 import os, sys, time
@@ -106,3 +108,20 @@ def test_orderly_end_needs_no_watchdog(tmp_path: Path):
     assert supervisor.wait(10) == 0
     _wait_for_ends(pids, 2.0)
     assert not (tmp_path / "summary.json").exists()  # it saved nothing
+
+
+def test_what_the_run_had_lost_before_is_not_called_saved(tmp_path: Path):
+    """A fragment that its tracker could not save, and a log whose recorder did not finish it."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    begun = {"1": {"joined": False}, "2": {"joined": True}}
+    write_result(tmp_path, "trajectory_saver", ProcessResult(summary={"fragments": begun}))
+    (tmp_path / "run.mcap").write_bytes(b"begun")
+    supervisor, pids = _start(tmp_path, "obedient", 60, poses=2)
+    _wait_for_work(tmp_path)
+    supervisor.send_signal(signal.SIGKILL)
+    supervisor.wait()
+    _wait_for_ends(pids, 60.0)
+    told = json.loads((tmp_path / "summary.json").read_text())["not_saved"]
+    assert told["fragments"] == "fragment 1: its tracker ended before: lost"
+    assert told["log"].startswith("not finished; run hsslam-log recover")

@@ -1,3 +1,5 @@
+import errno
+import os
 import subprocess
 import sys
 import threading
@@ -6,17 +8,19 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pytest
 import rerun_cli
 from mcap.reader import make_reader
 
 from hsslam_proto import run_messages, topics
 from hsslam_proto.frame_codec import frame_from_message
+from hsslam_services.artefacts.lost_results import unfinished_log
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.log.parted_log import LogSettings
 from hsslam_services.processes.recorder import Recorder
 from hsslam_services.run.camera_progress import CameraProgress
-from hsslam_services.run.process_result import read_result
+from hsslam_services.run.process_result import ProcessResult, read_result, write_result
 from hsslam_services.run.stop_signals import END_SIGNAL
 from tests.services.recorded import read_log
 from tests.services.wire_samples import frame, keyframe, mesh, pose
@@ -35,6 +39,29 @@ def test_in_lockstep_each_frame_that_is_logged_or_refused_has_a_step(endpoint, t
         recorder.close()
         told = [(step.stage, step.index) for step in steps.drain()]
     assert told == [("logged", 0), ("logged", 1), ("logged", 2)]
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC])
+def test_a_log_that_the_disk_did_not_take_is_not_complete(number, endpoint, tmp_path, monkeypatch):
+    """The kernel forgets what it could not write; a later sync succeeds without it."""
+    to_disk, failures = os.fdatasync, [OSError(number, os.strerror(number))]
+
+    def fail_once(fd: int) -> None:
+        if failures:
+            raise failures.pop()
+        to_disk(fd)
+
+    monkeypatch.setattr(os, "fdatasync", fail_once)
+    with Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(
+            bus, tmp_path, "run-1", "none", lambda *_: None, LogSettings(part_bytes=1)
+        )
+        told = recorder.close()
+    assert not failures
+    assert (told["complete"], told["sync_error"]) == (False, os.strerror(number))
+    write_result(tmp_path, "recorder", ProcessResult(summary={"log": told}))
+    why = unfinished_log(tmp_path)
+    assert why.startswith(f"the disk could not be written ({os.strerror(number)})")
 
 
 def test_frames_of_others_than_the_runs_camera_are_neither_logged_nor_told(endpoint, tmp_path):

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -16,15 +17,19 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import FrameOrder, Place, new_publisher
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes.tracker import _run, _TrackerLoop
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.tracked.events import TrackingEvents
+from hsslam_services.tracked.poses_out import PosesOut, Received
 from tests.until import until
 
 _CAMERA = 7  # its number
@@ -51,6 +56,28 @@ def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[...,
         assert rows["status"][1:].tolist() == [LOST, LOST, TRACKED]
         assert worker.counters["unusable frames"] == 2
         assert worker.counters[_STOOD_STILL] == 1
+
+
+def test_poses_that_do_not_fit_into_memory_are_published_and_reported_once(
+    make_run: Callable[..., RunInfo], monkeypatch: pytest.MonkeyPatch
+):
+    run = make_run(pace="lockstep", slam=PRESETS["realtime"])
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        poses, events = (worker.bus.subscribe(topic, 8) for topic in (topics.POSE, topics.EVENT))
+        out = PosesOut(
+            worker, SharedMap(worker.arena, PRESETS["realtime"]), MapState(run.arena_dir)
+        )
+        monkeypatch.setattr(PoseLog, "append", lambda *_: False)
+        for index in range(3):
+            message = frame_message(_frames_of(160, 1)[0], time.time_ns(), _CAMERA)
+            place = FrameOrder().place(_CAMERA, index, message.stamp_ns)
+            now_ns = time.time_ns()
+            received = Received(message, place, now_ns, now_ns, now_ns, 0)
+            out.put(TrackResult.without_map(index), received)
+        until(lambda: poses.received == 3, 60)
+        assert worker.counters[POSES_NOT_LOGGED] == 3
+        told = [event.text for event in events.drain()]
+    assert told == ["the memory is full: poses are published, but missing in the trajectories"]
 
 
 def test_a_frame_that_is_sent_again_gets_its_pose_and_another_of_its_number_gets_none(

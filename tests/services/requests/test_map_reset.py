@@ -9,10 +9,13 @@ import pytest
 from hsslam_node.presets import PRESETS
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import RESET
+from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import RunState
 from hsslam_services.requests.gateway import Gateway
+from hsslam_services.run.process_result import ProcessResult, write_result
+from hsslam_services.run.summary import read_summary
 
 
 def _cannot_start(*_):
@@ -33,6 +36,8 @@ def _cannot_start(*_):
 )
 def test_a_map_can_be_thrown_away_from_its_first_keyframe_on(make_run, options, keyframe, answer):
     is_over, run_info = threading.Event(), make_run(**options)
+    lost = {FRAGMENTS_NOT_SAVED: {"1": "the disk is full"}}
+    write_result(run_info.path, "tracker", ProcessResult(summary=lost))
     with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
         gateway = Gateway(bus, run_info, _cannot_start)
 
@@ -49,6 +54,8 @@ def test_a_map_can_be_thrown_away_from_its_first_keyframe_on(make_run, options, 
             is_over.set()
             loop.join()
             gateway.close()
+    # the next tracker has a result of its own
+    assert read_summary(run_info.path) == (lost if answer.startswith("reset: traj") else {})
 
 
 def _ask(run_info):

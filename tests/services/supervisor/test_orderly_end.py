@@ -1,13 +1,43 @@
 """What the end of a run calls missing."""
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from hsslam_node.frame import Frame
+from hsslam_node.map.store import KeyframeStore
+from hsslam_proto import topics
+from hsslam_proto.run_messages import Health
+from hsslam_services.arena.arena import Arena
 from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
+from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
+from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
-from hsslam_services.launch.process_table import FINAL_MAP_SAVER, MESH_SAVER, PROCESSES
+from hsslam_services.launch.process_table import (
+    FINAL_MAP_SAVER,
+    MESH_SAVER,
+    PROCESSES,
+    TRAJECTORY_SAVER,
+    ProcessSpec,
+)
+from hsslam_services.launch.spawn import Process, spawn
 from hsslam_services.run.process_result import ProcessResult, write_result
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import update_summary
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
+from tests.node.sources.files.two_cameras import COLOR
+from tests.until import until
+
+_SAMPLE = "tests.services.sample_worker"
+
+
+def process_row(name: str) -> ProcessSpec:
+    return next(spec for spec in PROCESSES if spec.name == name)
 
 
 def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_short(run_info):
@@ -34,6 +64,91 @@ def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_
     ]
     assert end.given_up == ["mesh"]
     assert MESH_SAVER not in begun
+
+
+def _end(
+    run_info: RunInfo,
+    run_alone: Callable[[str, Callable[[], bool]], str] = lambda *_: "",
+    turn: Callable[[], None] = lambda: None,
+    lines: list[str] | None = None,
+    **children: Child,
+) -> OrderlyEnd:
+    """An end whose processes never ran, but for `children`."""
+    by_name = {spec.name: Child(spec, run_info.path) for spec in PROCESSES} | children
+    report = ([] if lines is None else lines).append
+    return OrderlyEnd(run_info, by_name, RunState(), turn, run_alone, lambda: 1, report)
+
+
+@pytest.mark.parametrize("moves_at", ["", TRAJECTORY_SAVER, FINAL_MAP_SAVER])
+def test_a_correction_while_results_are_saved_saves_the_trajectories_again(run_info, moves_at):
+    """The saver of trajectories has copied the poses by then. Without a correction it runs once."""
+    store = KeyframeStore.create(Arena(Path(run_info.arena_dir)), COLOR, 1000.0, 8)
+    blank = np.zeros((COLOR.height_px, COLOR.width_px), np.uint16)
+    store.append(
+        Frame(0, 1, COLOR, np.dstack([blank.astype(np.uint8)] * 3), blank, 1000.0), np.eye(4)
+    )
+    begun: list[str] = []
+
+    def run_alone(module: str, _: Callable[[], bool]) -> str:
+        begun.append(module)
+        if module == moves_at and begun.count(module) == 1:
+            store.correct_poses(np.array([0]), np.eye(4)[None])
+        return ""
+
+    _end(run_info, run_alone).to_the_end()
+    assert begun.count(TRAJECTORY_SAVER) == (2 if moves_at else 1)
+
+
+def test_fragments_of_earlier_map_epochs_are_missing_too(run_info):
+    """A reset has put its fragments and the reasons of its tracker into the summary."""
+    begun = {"1": {"joined": False}, "2": {"joined": False, "map": "map_fragment_2.safetensors"}}
+    update_summary(run_info.path, {"fragments": begun, FRAGMENTS_NOT_SAVED: {"1": "no room"}})
+    here = ProcessResult(summary={"fragments": {"3": {"joined": True}}})
+    write_result(run_info.path, "trajectory_saver", here)
+    end = _end(run_info)
+    end.to_the_end()
+    assert end.not_saved == {"fragments": "fragment 1: no room: lost"}
+
+
+@pytest.mark.parametrize(
+    ("first_delay_s", "starts", "told"),
+    [(0.3, 2, []), (60.0, 1, ["mapper is not running again: its last work is missing"])],
+)
+def test_a_process_that_crashed_just_before_the_end_works_on(run_info, first_delay_s, starts, told):
+    (run_info.path / "behaviour").write_text("obedient")
+    spec = replace(process_row("mapper"), module=_SAMPLE, first_delay_s=first_delay_s)
+    started: list[Process] = []
+
+    def start(module: str, run_dir: Path) -> Process:
+        started.append(spawn(module, run_dir))
+        return started[-1]
+
+    mapper, lines = Child(spec, run_info.path, start), []
+    mapper.wanted = True
+    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
+        heartbeats = bus.subscribe(topics.HEALTH, 16)
+
+        def turn() -> None:
+            for health in heartbeats.drain():
+                mapper.heard(health)
+            mapper.tick()
+            time.sleep(0.02)
+
+        until(lambda: turn() or mapper.state == "running", 30)
+        started[0].kill()
+        until(lambda: turn() or mapper.state == "waiting", 30)
+        _end(run_info, turn=turn, lines=lines, mapper=mapper).to_the_end()
+    assert len(started) == starts and not mapper.is_alive
+    assert lines == told
+
+
+def test_poses_that_are_not_logged_are_missing(run_info):
+    tracker = Child(process_row("tracker"), run_info.path)
+    last = {"process": "tracker", "pid": tracker.pid, "state": "stopping", "rss_bytes": 0}
+    tracker.heard(Health(**last, counters={POSES_NOT_LOGGED: 7}))
+    end = _end(run_info, tracker=tracker)
+    end.to_the_end()
+    assert end.not_saved["poses"].startswith("7 are missing in the trajectories")
 
 
 def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
