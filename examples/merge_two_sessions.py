@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.command import main as hsslam_map
 
 
@@ -30,8 +31,12 @@ def main(first: str, second: str, folder: str = "merged") -> int:
     for run, T_run_first in ((first, np.eye(4)), (second, np.linalg.inv(T_first_second))):
         path = Path(run) / "map.safetensors" if Path(run).is_dir() else Path(run)
         points = vertices @ T_run_first[:3, :3].T + T_run_first[:3, 3]
-        share = SavedMap.open(path).query(points).known.mean()
-        print(f"{run} had seen {share:.0%} of the surface")
+        try:
+            share = SavedMap.open(path).query(points).known.mean()
+        except UserError as error:  # the map of a fragment has no surface
+            print(error)
+        else:
+            print(f"{run} had seen {share:.0%} of the surface")
     return 0
 
 

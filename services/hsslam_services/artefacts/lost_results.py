@@ -6,8 +6,23 @@ from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import read_summary
 
-POSES_NOT_LOGGED = "poses not logged"  # counter of the tracker
+POSES_NOT_LOGGED = "poses not logged"  # counter of the tracker, and in its summary
 LOST_FOREVER = frozenset({"log", "fragments", "poses"})  # of the names in `not_saved`
+
+
+def lost_results(run_dir: Path) -> dict[str, str]:
+    """All of them, by name, with the reason: of a run whose supervisor did not judge them."""
+    lost = {"poses": lost_poses(run_dir), "fragments": lost_fragments(run_dir)}
+    if any(run_dir.glob("run*.mcap")):
+        lost["log"] = unfinished_log(run_dir)
+    return {name: why for name, why in lost.items() if why}
+
+
+def lost_poses(run_dir: Path, counted: int = 0) -> str:
+    """How many poses the pose log had no memory for; empty if none. `counted`: by the last heartbeat."""
+    by_result = read_result(run_dir, "tracker").summary.get(POSES_NOT_LOGGED, 0)
+    count = max(counted, by_result)
+    return f"{count} are missing in the trajectories, as the memory was full: lost" if count else ""
 
 
 def lost_fragments(run_dir: Path) -> str:

@@ -1,6 +1,7 @@
 """Decides whether depth of ROS is registered to colour here, and by which mounting of its camera."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from hsslam_node.sources.files.depth_registration import DepthMounting
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_services.camera.ros_frames import intrinsics_text
 
-_REGISTERED = re.compile("aligned|registered")
+_REGISTERED = re.compile("(?<!un)(aligned|registered)")
+_UNREGISTERED = re.compile("un(aligned|registered)")
 _SAME_K_PX = 1.0
 _SAME_WAY = 0.7  # cosine between the axes of both cameras
 
@@ -29,6 +31,11 @@ class ShownImages:
 def is_named_registered(topic: str) -> bool:
     """Whether the name of a depth topic says that depth is registered to colour."""
     return _REGISTERED.search(topic) is not None
+
+
+def is_named_unregistered(topic: str) -> bool:
+    """Whether the name of a depth topic says that depth is not registered to colour."""
+    return _UNREGISTERED.search(topic) is not None
 
 
 def depth_mounting(
@@ -66,6 +73,23 @@ def depth_mounting(
     )
     reports.add(Report("depth is registered here", text))
     return DepthMounting(depth.camera, T_color_depth)
+
+
+def both_cameras(camera_of: Callable[[str], Camera], topic: str) -> tuple[Camera, Camera]:
+    """The camera of a `camera_info` as the name of the topic asks, and by K; twice the same if P or K is not
+    usable. `camera_of("")`: by K.
+
+    Raises:
+        UserError: neither is usable.
+    """
+    try:
+        camera = camera_of(topic)
+    except UserError:
+        camera = camera_of("")
+    try:
+        return camera, camera_of("")
+    except UserError:
+        return camera, camera
 
 
 def differ(one: Camera, other: Camera) -> bool:

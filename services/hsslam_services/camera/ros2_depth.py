@@ -1,5 +1,6 @@
 """Listens for what registers depth of ROS 2 to colour: `camera_info` of depth, and `/tf_static`."""
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +16,7 @@ from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.depth_mounting import (
     ShownImages,
+    both_cameras,
     depth_mounting,
     differ,
     is_named_registered,
@@ -23,6 +25,7 @@ from hsslam_services.camera.depth_mounting import (
 from hsslam_services.camera.ros2_messages import CdrMessages, is_rectified, topic_keys, type_of
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
+_INFO_S = 2.0  # longest wait for `camera_info` of depth beside images of both
 _PUBLISHERS = 64  # of `/tf_static`; each keeps its newest message
 
 
@@ -60,6 +63,7 @@ class Ros2Depth:
         self._transforms = StaticTransforms()
         self._cameras: tuple[Camera, Camera] | None = None  # as rectified, unrectified
         self._subscribers: tuple[Any, Any] | None = None
+        self._asked_s = 0.0  # since when `camera_info` is awaited
         if not is_named_registered(self._depth):
             image = self._depth.removesuffix("/compressed").removesuffix("/compressedDepth")
             self._info = f"{image.rpartition('/')[0]}/camera_info"
@@ -89,7 +93,8 @@ class Ros2Depth:
         if not self._may_be_apart(first):
             return False
         if self._cameras is None:
-            return True
+            self._asked_s = self._asked_s or time.monotonic()
+            return time.monotonic() - self._asked_s < _INFO_S
         return differ(color, self._cameras[1]) and self._T_color_depth(first) is None
 
     def camera(self, first: tuple[RawImage, RawImage]) -> Camera | None:
@@ -101,21 +106,21 @@ class Ros2Depth:
     def mounting(
         self, source: str, color: tuple[Camera, Camera], first: tuple[RawImage, RawImage]
     ) -> DepthMounting | None:
-        """As `depth_mounting`; `color`: its camera as rectified, and unrectified.
+        """As `depth_mounting`, for depth of another frame than colour; `color`: its camera as rectified, and
+        unrectified.
 
         Raises:
             UserError: depth is not registered to colour, and where its camera sits is not known.
         """
         of_color, of_depth = (image.frame_id for image in first)
-        if self._cameras is None:
+        if self._cameras is None or not self._may_be_apart(first):
             report_other_frame(self._depth, of_color, of_depth, self._reports)
             return None
-        T_color_depth = self._T_color_depth(first) if self._may_be_apart(first) else None
         return depth_mounting(
             source,
             ShownImages(self._color, *color, of_color),
             ShownImages(self._depth, *self._cameras, of_depth),
-            T_color_depth,
+            self._T_color_depth(first),
             self._reports,
         )
 
@@ -128,12 +133,10 @@ class Ros2Depth:
         return self._transforms.between(*(image.frame_id for image in first))
 
     def _take_info(self, payload: bytes, type_name: str) -> None:
-        unrectified = self._cdr.camera(payload, type_name, is_rectified=False)
-        try:
-            camera = self._cdr.camera(payload, type_name, is_rectified(self._depth))
-        except UserError:  # without P
-            camera = unrectified
-        self._cameras = camera, unrectified
+        def camera_of(topic: str) -> Camera:
+            return self._cdr.camera(payload, type_name, is_rectified(topic))
+
+        self._cameras = both_cameras(camera_of, self._depth)
 
     def _take_transforms(self, payload: bytes, type_name: str) -> None:
         self._transforms.take(self._cdr.transforms(payload, type_name))

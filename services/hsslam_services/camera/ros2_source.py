@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import zenoh
 
@@ -16,6 +17,7 @@ from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
+from hsslam_services.camera.depth_mounting import both_cameras
 from hsslam_services.camera.ros2_depth import Ros2Depth
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
@@ -65,6 +67,7 @@ class Ros2Source:
         self._session = session
         domain = options.ros2.domain
         self.reports = Reports()
+        self._has_lens = False
         with contextlib.ExitStack() as on_error:
             on_error.callback(self._session.close)
             self._color, self._depth, self._info = (
@@ -79,6 +82,8 @@ class Ros2Source:
             )
             cameras, first = self._wait(name)
             mounting = self._depth_camera.mounting(f"ros2:{name}", cameras, first)
+            if mounting is None and self._has_lens:
+                report_one_rectified(*self._topics[:2], "--ros2", self.reports)
             depth_scale = options.camera.depth_scale
             self._frames = RosFrames(f"ros2:{name}", cameras[0], first, depth_scale, mounting)
             on_error.pop_all()
@@ -133,10 +138,11 @@ class Ros2Source:
             except (BadImageError, UserError) as error:
                 self.reports.add(Report.unusable(self._topics[2], error))
 
-    def _camera_of(self, sample: zenoh.Sample, *, unrectified: bool = False) -> Camera:
+    def _camera_of(self, sample: zenoh.Sample, color_topic: str | None = None) -> Camera:
+        """The camera of a `camera_info`; `color_topic`: instead of that of the options."""
         payload, kind = sample.payload.to_bytes(), type_of(str(sample.key_expr))
-        uses_P = is_rectified(self._topics[0]) and not unrectified
-        return self._cdr.camera(payload, kind, uses_P)
+        color_topic = self._topics[0] if color_topic is None else color_topic
+        return self._cdr.camera(payload, kind, is_rectified(color_topic))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """The next pair of received images, None if there is none yet; raises BadImageError."""
@@ -180,9 +186,8 @@ class Ros2Source:
             try:
                 if camera is None and (sample := self._info.try_recv()) is not None:
                     camera = self._camera_of(sample)
-                    unrectified = self._camera_of(sample, unrectified=True)
-                    if self._cdr.has_lens(sample.payload.to_bytes()):
-                        report_one_rectified(*self._topics[:2], "--ros2", self.reports)
+                    _, unrectified = both_cameras(partial(self._camera_of, sample), self._topics[0])
+                    self._has_lens = self._cdr.has_lens(sample.payload.to_bytes())
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
                     if can_be_used(newest, camera, self._depth_camera.camera(newest)):

@@ -11,7 +11,7 @@ from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.arena.arena_folder import SHM_ROOT, remove_arena, run_dir_of, try_own
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import read_unsaved
-from hsslam_services.artefacts.lost_results import LOST_FOREVER
+from hsslam_services.artefacts.lost_results import LOST_FOREVER, lost_results
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
@@ -109,7 +109,9 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     )  # after the environment, which PyTorch reads
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
-    known = read_summary(run_dir).get("not_saved") or {}
+    known = read_summary(run_dir).get("not_saved")
+    if known is None:  # neither the supervisor nor the watchdog got so far
+        known = lost_results(run_dir)
     left = {name: line for name, line in known.items() if name in LOST_FOREVER} | not_saved
     try:
         update_summary(run_dir, {"not_saved": left}, replaced=("not_saved",))

@@ -28,7 +28,7 @@ class DiskReport:
         if log.refused:
             self._report_once("error", f"{self._run_dir}: disk full: nothing more is recorded")
         if log.sync_error:
-            self._report_once("error", f"{log.path}: cannot write to disk: {log.sync_error}")
+            self._report_once("error", f"{self._run_dir}: cannot write to disk: {log.sync_error}")
         if log.removed:
             self._report_once("info", f"{log.removed[0]}: removed: the log exceeds --log-keep")
 

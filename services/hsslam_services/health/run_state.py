@@ -97,10 +97,10 @@ class RunState:
             return True
         return self.tracked + self.lost + dropped >= end.frame_count
 
-    def has_worked(self, *, goes_on: bool) -> bool:
-        """Whether more than one frame was tracked, in the map or in a fragment; `goes_on`: with a saved map,
-        in which a frame that is answered counts, as it was compared with the map."""
-        return self.tracked + (self.lost if goes_on else self.in_fragments) > 1
+    @property
+    def has_worked(self) -> bool:
+        """Whether more than one frame was tracked, in the map or in a fragment."""
+        return self.tracked + self.in_fragments > 1
 
     def forget_map(self) -> None:
         """Forget the map after a reset; counts go on."""

@@ -57,7 +57,7 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
 
 def _save(arena_dir: Path, run_dir: Path) -> None:
     """Save all results; if this fails, the arena stays and is marked as unsaved."""
-    from hsslam_services.artefacts.lost_results import lost_fragments, unfinished_log
+    from hsslam_services.artefacts.lost_results import lost_results
     from hsslam_services.artefacts.rescue import rescue  # while they end: PyTorch takes 1 s
     from hsslam_services.run.process_result import read_result
     from hsslam_services.run.summary import update_summary
@@ -69,10 +69,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         while recorders & living_processes(arena_dir).keys() and time.monotonic() < deadline:
             time.sleep(_POLL_S)
         log = read_result(run_dir, "recorder").summary
-        lost = {"fragments": lost_fragments(run_dir)}
-        if any(run_dir.glob("run*.mcap")):
-            lost["log"] = unfinished_log(run_dir)
-        lost = {name: why for name, why in lost.items() if why}
+        lost = lost_results(run_dir)
         for name, why in lost.items():
             _report(f"{name} not saved: {why}")
         reason = {"stop_reason": "the supervisor crashed or was killed"}

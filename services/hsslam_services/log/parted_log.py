@@ -56,7 +56,7 @@ class PartedLog:
         self._closed_counts: Counter[str] = Counter()
         self._lost_bytes = 0
         self._closed_refused = 0
-        self._closed_sync_error = ""
+        self._closed_sync_errors: dict[str, str] = {}  # by the name of the part
         self.removed: list[str] = []
         self._part = self._next_part()
         self._previous: McapLog | None = None  # a slow disk may still take it
@@ -94,9 +94,9 @@ class PartedLog:
 
     @property
     def sync_error(self) -> str:
-        """As in `McapLog`, of all parts."""
+        """As in `McapLog`, of all parts that are kept."""
         previous = self._previous.sync_error if self._previous else ""
-        return self._closed_sync_error or previous or self._part.sync_error
+        return next(iter(self._closed_sync_errors.values()), previous or self._part.sync_error)
 
     @property
     def place(self) -> tuple[Path, int, dict[int, str]]:
@@ -110,6 +110,8 @@ class PartedLog:
         if self.settings.keep_bytes is not None:
             removed = remove_oldest(self._run_dir, self.settings.keep_bytes)
             self.removed += [path.name for path in removed]
+            for path in removed:
+                self._closed_sync_errors.pop(path.name, None)
         return self._part.pending_bytes == 0
 
     def close(self) -> int:
@@ -121,7 +123,8 @@ class PartedLog:
     def _wait_for_previous(self) -> None:
         if self._previous is not None:
             self._previous.wait_until_closed()
-            self._closed_sync_error = self._closed_sync_error or self._previous.sync_error
+            if error := self._previous.sync_error:
+                self._closed_sync_errors.setdefault(self._previous.path.name, error)
 
     def _turn_if_full(self) -> None:
         limit, keep = self.settings.part_bytes, self.settings.keep_bytes

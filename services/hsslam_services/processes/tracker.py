@@ -29,6 +29,7 @@ from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.fragment_files import FragmentFiles
 from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
+from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -190,6 +191,8 @@ class _TrackerLoop:
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
         self._fragments.wait()
+        if not_logged := self._worker.counters.get(POSES_NOT_LOGGED, 0):
+            self._worker.add_to_summary({POSES_NOT_LOGGED: not_logged})
         if self._fragments.failed:
             self._worker.add_to_summary({FRAGMENTS_NOT_SAVED: self._fragments.failed})
 

@@ -60,6 +60,9 @@ class OrderlyEnd:
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
+    _too_slow: set[str] = field(
+        default_factory=set
+    )  # processes whose restart is not awaited any more
     _saved_version: int = -1  # of the poses, when the trajectories were last saved
 
     def to_the_end(self) -> None:
@@ -71,7 +74,8 @@ class OrderlyEnd:
         self._stop(TRACKER_STAGE)
         self._save_trajectories(patience=2 if self.state.tracked else 1)
         self._check_poses()
-        self._await_restarts()
+        for name in _FINISHES_WORK:
+            self._await_restart(name)
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
         if math.isfinite(self.run.options.finish_budget_s):
@@ -98,6 +102,8 @@ class OrderlyEnd:
     def _stop(self, stage: int) -> None:
         of_stage = [c for c in self.children.values() if c.spec.stop_stage == stage]
         for child in of_stage:
+            if child.spec.name in _FINISHES_WORK:
+                self._await_restart(child.spec.name)
             child.wanted = False
         while any(child.is_alive for child in of_stage) and self.signals() < 2:
             self.turn()
@@ -116,17 +122,14 @@ class OrderlyEnd:
             if self.state.has_answered(self.state.source_end, frames_dropped(self.children)):
                 return
 
-    def _await_restarts(self) -> None:
-        """Wait for processes with work to finish that crashed just now, for a limited time; report others."""
-        deadline_s = time.monotonic() + _LONGEST_RESTART_S
-        crashed = [c for name in _FINISHES_WORK if (c := self.children[name]).is_restarting]
-        while any(child.is_restarting for child in crashed) and self.signals() < 2:
+    def _await_restart(self, name: str) -> None:
+        """Wait for a process with work to finish that crashed just now, for a limited time; report others."""
+        child, deadline_s = self.children[name], time.monotonic() + _LONGEST_RESTART_S
+        while child.is_restarting and name not in self._too_slow and self.signals() < 2:
             if time.monotonic() > deadline_s:
-                break
+                self._too_slow.add(name)
+                self.report(f"{name} is not running again yet: its last work may be missing")
             self.turn()
-        for child in crashed:
-            if child.is_restarting:
-                self.report(f"{child.spec.name} is not running again: its last work is missing")
 
     def _save_trajectories(self, patience: int = 1) -> None:
         # read before, as the saver copies the poses when it begins

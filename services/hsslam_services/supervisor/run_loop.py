@@ -83,7 +83,7 @@ class RunLoop:
         }
 
     def _has_poses(self) -> bool:
-        return self._listener.state.has_worked(goes_on=bool(self._info.options.map))
+        return self._listener.state.has_worked
 
     def _has_source_ended(self) -> bool:
         return self._listener.state.source_end is not None

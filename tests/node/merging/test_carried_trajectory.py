@@ -48,6 +48,23 @@ def test_a_frame_follows_no_keyframe_of_another_session_with_the_same_stamps():
     np.testing.assert_allclose(found.positions[:, 2], 0.08)
 
 
+def test_a_session_of_which_the_map_keeps_few_keyframes_follows_those_of_the_other():
+    """The map keeps two keyframes of the second day, at the end of the way; the merge mends 1 % of drift."""
+
+    def at(x: np.ndarray) -> np.ndarray:
+        T = np.tile(np.eye(4), (len(x), 1, 1))
+        T[:, 0, 3] = x
+        return T
+
+    day_ns = 86_400 * 10**9
+    x = np.concatenate([np.linspace(0, 10, 50), [9.0, 10.0]])
+    stamps_ns = np.concatenate([np.arange(50) * 10**9, day_ns + np.array([900, 999]) * 10**9])
+    way = np.linspace(0, 10, 1000)
+    frames = Trajectory(day_ns + np.arange(1000) * 10**9, at(way))
+    found = carried(frames, Trajectory(stamps_ns, at(x)), at(1.01 * x))
+    assert np.abs(found.positions[:, 0] - 1.01 * way).max() < 0.01
+
+
 def test_sessions_are_joined_in_the_order_of_their_stamps():
     first = Trajectory(np.array([10, 30], np.int64), _poses(2, 0))
     second = Trajectory(np.array([20], np.int64), _poses(1, 1))

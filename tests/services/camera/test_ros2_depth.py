@@ -44,7 +44,9 @@ def seen() -> Seen:
 
 
 @contextmanager
-def _showing(ros_camera: RosCamera, seen: Seen, depth_raw: np.ndarray) -> Iterator[None]:
+def _showing(
+    ros_camera: RosCamera, seen: Seen, depth_raw: np.ndarray, frame_id: str = _DEPTH_FRAME
+) -> Iterator[None]:
     """Publishes both images and their intrinsics until it is left."""
     ended = threading.Event()
 
@@ -54,7 +56,7 @@ def _showing(ros_camera: RosCamera, seen: Seen, depth_raw: np.ndarray) -> Iterat
                 return
             stamp_ns = FIRST_NS + k * 20_000_000
             depth = image(stamp_ns, depth_raw, "16UC1")
-            depth.header = header(stamp_ns, _DEPTH_FRAME)
+            depth.header = header(stamp_ns, frame_id)
             for topic, message, kind in (
                 ("color/camera_info", camera_info(stamp_ns, COLOR), "CameraInfo"),
                 ("color/image_raw", image(stamp_ns, seen.color, "rgb8"), "Image"),
@@ -88,6 +90,17 @@ def test_depth_is_registered_by_tf_static(endpoint, ros_camera, seen):
     )
     for frame in frames:
         expect_registered(frame.depth_raw, seen.exact, _UNITS_PER_M)
+
+
+def test_depth_of_the_frame_of_colour_is_not_moved_whatever_its_intrinsics_say(
+    endpoint, ros_camera, seen
+):
+    with _showing(ros_camera, seen, seen.depth_raw, _COLOR_FRAME):
+        source = open_any_source("ros2:/camera", ros2_options(endpoint, 2, depth=_DEPTH))
+        frames = [frame for frame in source.frames() if isinstance(frame, Frame)]
+    assert len(frames) == 2 and not reports_of(source).take()
+    for frame in frames:
+        np.testing.assert_array_equal(frame.depth_raw, seen.depth_raw)
 
 
 @pytest.mark.parametrize("rows", [120, 60])  # of depth: as many as colour has, and fewer

@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
 from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.run.process_result import ProcessResult, write_result
 
@@ -116,6 +117,7 @@ def test_what_the_run_had_lost_before_is_not_called_saved(tmp_path: Path):
     logs.mkdir()
     begun = {"1": {"joined": False}, "2": {"joined": True}}
     write_result(tmp_path, "trajectory_saver", ProcessResult(summary={"fragments": begun}))
+    write_result(tmp_path, "tracker", ProcessResult(summary={POSES_NOT_LOGGED: 3}))
     (tmp_path / "run.mcap").write_bytes(b"begun")
     supervisor, pids = _start(tmp_path, "obedient", 60, poses=2)
     _wait_for_work(tmp_path)
@@ -123,5 +125,6 @@ def test_what_the_run_had_lost_before_is_not_called_saved(tmp_path: Path):
     supervisor.wait()
     _wait_for_ends(pids, 60.0)
     told = json.loads((tmp_path / "summary.json").read_text())["not_saved"]
+    assert told["poses"].startswith("3 are missing")
     assert told["fragments"] == "fragment 1: its tracker ended before: lost"
     assert told["log"].startswith("not finished; run hsslam-log recover")

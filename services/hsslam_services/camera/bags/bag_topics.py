@@ -17,8 +17,10 @@ from hsslam_services.camera.bags import realsense_recording
 from hsslam_services.camera.bags.bag_file import BagFile, BagMessage, BagTopic
 from hsslam_services.camera.depth_mounting import (
     ShownImages,
+    both_cameras,
     depth_mounting,
     is_named_registered,
+    is_named_unregistered,
     report_other_frame,
 )
 from hsslam_services.camera.ros2_messages import (
@@ -61,7 +63,8 @@ def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamer
     colors = [name for name, image in images.items() if image.content == "color"]
     greys = [name for name, image in images.items() if image.content == "grey"]
     depths = [name for name, image in images.items() if image.content == "depth"]
-    registered = [name for name in depths if is_named_registered(name)]
+    named = [name for name in depths if is_named_registered(name)]
+    registered = named or [name for name in depths if not is_named_unregistered(name)]
     color = _chosen(bag, "color", options.color, colors or greys, images)
     depth = _chosen(bag, "depth", options.depth, registered or depths, images)
     infos = [name for name, message in firsts.items() if message.type_name == INFO]
@@ -231,12 +234,8 @@ def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
 
 
 def _shown(bag: BagFile, topic: str, info: BagMessage, first: RawImage) -> ShownImages:
-    """The images of a topic with their `camera_info`; with K, if P is missing."""
-    unrectified = camera_of(bag, info, "")
-    try:
-        camera = camera_of(bag, info, topic)
-    except UserError:
-        camera = unrectified
+    """The images of a topic with their `camera_info`."""
+    camera, unrectified = both_cameras(lambda topic: camera_of(bag, info, topic), topic)
     return ShownImages(topic, camera, unrectified, first.frame_id)
 
 

@@ -19,6 +19,7 @@ from hsslam_services.log.reading.files import Say
 from hsslam_services.log.reading.poses import logged_epochs
 from hsslam_services.run.run_info import RUN_FILE
 
+_MAP = "map.safetensors"
 _COLUMNS = (
     *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
     *(
@@ -72,7 +73,7 @@ def export(
 
 
 def _expect_room(folder: Path, only: Collection[Part]) -> None:
-    if (folder / RUN_FILE).exists():
+    if (folder / RUN_FILE).exists() or (folder / _MAP).exists():  # of a run, of a merge
         raise UserError(f"{folder}: is a run folder, whose results stay: expected another folder")
     for frames in (folder / "frames", *folder.glob("frames-[0-9]*")):
         if "frames" in only and (frames / "rgb.txt").exists():

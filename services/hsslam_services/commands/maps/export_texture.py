@@ -1,5 +1,6 @@
 """Writes a textured mesh of a saved map as glTF, or as Wavefront obj with material and image."""
 
+import contextlib
 import re
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ def _write_obj(out: Path, textured: Trimesh) -> None:
     name = re.sub(r"\s", "_", out.stem)
     textured.visual.material.name = name  # type: ignore[union-attr]
     text, beside = export_obj(textured, return_texture=True, mtl_name=f"{name}.mtl")
-    for name, data in (*beside.items(), (out.name, text.encode())):  # type: ignore[union-attr]
-        with out_file(out.with_name(name)) as partial:
+    with contextlib.ExitStack() as all_complete:  # older files stay, unless all new ones fit
+        for name, data in ((out.name, text.encode()), *beside.items()):  # type: ignore[union-attr]
+            partial = all_complete.enter_context(out_file(out.with_name(name)))
             partial.write_bytes(data)

@@ -21,11 +21,18 @@ _OBSERVED = 2000  # points an image, at most
 
 
 def expect_new_folder(out: Path) -> None:
-    """Raise UserError unless `--out` does not exist or is an empty folder, in a folder that exists."""
+    """Raise UserError unless `--out` does not exist or is an empty folder, in a folder that exists, and a new
+    folder can be made there."""
     if not out.absolute().parent.is_dir():
         raise UserError(f"--out {out}: expected a folder in a folder that exists")
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise UserError(f"--out {out}: already exists: expected a new folder")
+    partial = _partial(out)
+    try:
+        partial.mkdir()
+        partial.rmdir()
+    except OSError as error:
+        raise _not_writable(out, error) from None
 
 
 def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
@@ -111,8 +118,7 @@ def out_folder(out: Path) -> Iterator[Path]:
     Raises:
         UserError: the folder cannot be written.
     """
-    out, name = out.absolute(), f".{out.name}.{os.getpid()}.partial"
-    partial = out / name if out.is_dir() else out.with_name(name)
+    out, partial = out.absolute(), _partial(out)
     try:
         partial.mkdir()
         yield partial
@@ -122,8 +128,16 @@ def out_folder(out: Path) -> Iterator[Path]:
         else:
             partial.replace(out)
     except OSError as error:
-        raise UserError(
-            f"--out {out}: {error.strerror}: expected a folder that can be written"
-        ) from None
+        raise _not_writable(out, error) from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def _partial(out: Path) -> Path:
+    """The temporary folder for `--out`, in it if it exists, else beside it."""
+    out, name = out.absolute(), f".{out.name}.{os.getpid()}.partial"
+    return out / name if out.is_dir() else out.with_name(name)
+
+
+def _not_writable(out: Path, error: OSError) -> UserError:
+    return UserError(f"--out {out}: {error.strerror}: expected a folder that can be written")

@@ -149,6 +149,18 @@ def test_depth_of_another_size_than_its_camera_is_a_bad_frame(room, tmp_path: Pa
     assert items[1].reason == "16UC1 of 160x60 pixels: expected 160x120 as before"
 
 
+def test_of_two_depth_topics_the_unaligned_one_is_not_taken(room, tmp_path: Path):
+    """As of Orbbec cameras."""
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for number, seen in enumerate(room):
+            bag.info(INFO, 1 + number, COLOR)
+            bag.image(COLOR_TOPIC, 1 + number, seen.color, "rgb8")
+            bag.image("/camera/depth/image_raw", 1 + number, seen.exact, "16UC1")
+            bag.image("/camera/depth/image_unaligned", 1 + number, seen.depth_raw, "16UC1")
+    for frame, seen in zip(whole_frames(opened(tmp_path / "bag")), room, strict=True):
+        np.testing.assert_array_equal(frame.depth_raw, seen.exact)
+
+
 def test_a_frame_that_looks_another_way_is_named(room, tmp_path: Path):
     """The body frame, x ahead, in the place of the optical one."""
     with new_bag(tmp_path / "bag", "mcap") as bag:

@@ -189,6 +189,7 @@ def test_frames_of_another_camera_are_exported_to_a_folder_of_their_own(tmp_path
         ("frames/rgb.txt", "frames: already holds frames: expected a new folder"),
         ("run.rrd/x", "run.rrd: is a folder: expected a file"),
         ("run.json", "out: is a run folder, whose results stay: expected another folder"),
+        ("map.safetensors", "out: is a run folder, whose results stay: expected another"),
     ],
 )
 def test_an_export_whose_place_is_taken_writes_nothing(tmp_path, capsys, taken, expected):
