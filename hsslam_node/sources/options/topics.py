@@ -16,7 +16,7 @@ class Ros2Options:
     color: str = "color/image_raw"
     """Colour images; a name ending in /compressed is JPEG or PNG."""
     depth: str = "aligned_depth_to_color/image_raw"
-    """Depth images; others than aligned ones need /tf_static."""
+    """Depth images, best aligned to colour."""
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0

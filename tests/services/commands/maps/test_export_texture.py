@@ -1,5 +1,8 @@
 """`hsslam-map export --texture` on a map of the small room: read by trimesh, drawn, compared with a frame."""
 
+import errno
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -50,6 +53,29 @@ def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
         assert {"mtllib my_room.mtl", "usemtl my_room"} < set(out.read_text().splitlines())
         (diffuse,) = [line[1:] for line in words if line[:1] == ["Kd"]]
         assert [float(value) for value in diffuse] == [1, 1, 1]  # a factor of the image
+
+
+def test_a_textured_obj_that_does_not_fit_leaves_all_older_files(
+    mapped_run, tmp_path, capsys, monkeypatch
+):
+    """The text of the mesh is the largest of the three files."""
+    older = [tmp_path / f"room.{kind}" for kind in ("mtl", "obj", "png")]
+    for path in older:
+        path.write_bytes(b"older")
+    write = Path.write_bytes
+
+    def fill_up(path: Path, data: bytes) -> int:
+        if b"mtllib" in data:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", fill_up)
+    out = str(tmp_path / "room.obj")
+    arguments = ["--format", "obj", "--texture", "-o", out, *_COARSE]
+    assert main(["export", str(mapped_run), *arguments]) == 2
+    assert f"--out {out}: No space left on device" in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == older
+    assert [path.read_bytes() for path in older] == 3 * [b"older"]
 
 
 @pytest.mark.parametrize(

@@ -105,3 +105,13 @@ def test_bad_input_is_one_line_and_code_2(runs, arguments, text, capsys):
     assert main(["merge", *given]) == 2
     told = capsys.readouterr().err
     assert text in told and told.startswith("error: ") and told.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(tmp_path, capsys):
+    """The maps are none, which a merge would find first."""
+    maps = [tmp_path / name for name in ("first.safetensors", "second.safetensors")]
+    for path in maps:
+        path.write_bytes(b"no map")
+    assert main(["merge", *map(str, maps), "--out", "/proc/both"]) == 2
+    told = capsys.readouterr().err
+    assert "--out /proc/both: " in told and told.endswith("expected a folder that can be written\n")
