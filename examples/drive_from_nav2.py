@@ -11,6 +11,7 @@ import contextlib
 import json
 import queue
 import sys
+import time
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +25,7 @@ from scipy.ndimage import distance_transform_edt
 from hsslam_node.geometry.se3 import inverse, transform
 
 DOMAIN, SILENCE_S = 0, 10.0
+OLD_S = 1.0  # age of a pose or a map from which on it says nothing about the robot
 OCCUPIED, UNKNOWN = 100, -1
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -56,7 +58,7 @@ def main(
             ),
             *(
                 session.declare_subscriber(f"{DOMAIN}{topic}/*/*", keep)
-                for topic in ("/tf", f"{namespace}/odom", "/plan", "/cmd_vel")
+                for topic in (f"{namespace}/pose", "/plan", "/cmd_vel")
             ),
         ]
         while not commands or printed < int(commands):
@@ -79,14 +81,14 @@ def main(
 
 
 class Drive:
-    """The newest grid, transforms, odometry and plan."""
+    """The newest grid, pose and plan."""
 
     def __init__(self) -> None:
         self.grid: Any = None
         self.to_blocked_m = np.zeros((0, 0))  # of each cell, to the nearest that is not free
-        self.odometry: Any = None
-        self.transforms: dict[tuple[str, str], np.ndarray] = {}
+        self.pose: Any = None
         self.plan: Any = None
+        self.heard_s = {"map": 0.0, "pose": 0.0}  # when the newest came
 
     def hear(self, kind: str, message: Any) -> str | None:
         """Take a message; the line to print, if it is a command."""
@@ -96,14 +98,10 @@ class Drive:
                 cells = message.data.reshape(message.info.height, message.info.width)
                 to_blocked = np.asarray(distance_transform_edt(np.pad(cells == 0, 1)))[1:-1, 1:-1]
                 self.to_blocked_m = message.info.resolution * np.maximum(to_blocked - 0.5, 0)
-            case "TFMessage":
-                for each in message.transforms:
-                    names = each.header.frame_id, each.child_frame_id
-                    self.transforms[names] = matrix(
-                        each.transform.translation, each.transform.rotation
-                    )
-            case "Odometry":
-                self.odometry = message
+                self.heard_s["map"] = time.monotonic()
+            case "PoseWithCovarianceStamped":
+                self.pose = message
+                self.heard_s["pose"] = time.monotonic()
             case "Path":
                 self.plan = message
             case "Twist":
@@ -117,22 +115,16 @@ class Drive:
         told = f"command {command.linear.x:.2f} m/s {command.angular.z:.2f} rad/s"
         if self.grid is None:
             return f"no map yet; {told}"
-        T_map_base = self.pose()
-        if T_map_base is None:
-            return f"no pose in {self.grid.header.frame_id} yet; {told}"
+        frame = self.grid.header.frame_id
+        if self.pose is None or self.pose.header.frame_id != frame:
+            return f"no pose in {frame} yet; {told}"
+        for name, heard_s in self.heard_s.items():
+            if (age_s := time.monotonic() - heard_s) > OLD_S:
+                return f"{name} is {age_s:.0f} s old; {told}"
+        T_map_base = matrix(self.pose.pose.pose.position, self.pose.pose.pose.orientation)
         (x, y), ahead = T_map_base[:2, 3], T_map_base[:2, 0]
         yaw_deg = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
         return f"at {x:.2f} {y:.2f} m, {yaw_deg:.0f} deg; {self.room(T_map_base[:2, 3])}; {told}"
-
-    def pose(self) -> np.ndarray | None:
-        """`base_link` in `map` [4, 4]; None before odometry and its transform have come."""
-        if self.odometry is None:
-            return None
-        T_map_odom = self.transforms.get((self.grid.header.frame_id, self.odometry.header.frame_id))
-        if T_map_odom is None:
-            return None
-        pose = self.odometry.pose.pose
-        return T_map_odom @ matrix(pose.position, pose.orientation)
 
     def room(self, at: np.ndarray) -> str:
         """Clearance along the rest of the plan, from the robot's place `at` [2] m on, and what it crosses.

@@ -66,7 +66,8 @@ def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, 
     points = poses[0, :3, 3] + steps[:, None, None] * down + steps[:, None] * right
     clearance_m = np.full(points.shape[:2], np.inf)
     known = np.ones(points.shape[:2], np.bool_)
-    for height_m in np.linspace(from_m, to_m, 5):
+    heights = 1 + max(1, math.ceil((to_m - from_m) / CELL_M))  # no surface lies between two of them
+    for height_m in np.linspace(from_m, to_m, heights):
         found = saved.query((points + height_m * up).reshape(-1, 3))
         clearance_m = np.fmin(clearance_m, found.distance_m.reshape(known.shape))
         known &= found.known.reshape(known.shape)

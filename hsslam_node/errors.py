@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterable
 
 MORE_SHARED_MEMORY = "expected more shared memory (docker: --shm-size)"
+GPU_IS_FULL = "GPU memory is full"
 """In each error about a full /dev/shm; a batch, whose runs are other processes, recognises them by it."""
 _LONGEST_TEXT = 300
 

@@ -4,7 +4,7 @@ import contextlib
 import re
 from collections.abc import Iterator
 
-from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.errors import GPU_IS_FULL, OutOfMemoryError
 
 LEAST_FREE_GB = 4.0
 """Of 0.5 GB for CUDA itself in each of five processes, and at most 0.4 GB of work space for each of mapper,
@@ -33,6 +33,4 @@ def gpu_memory_errors() -> Iterator[None]:
             raise
         asked = re.search(r"Tried to allocate ([\d.]+ \w+)", text)
         more = f"{asked[1]} more" if asked else "more"
-        raise OutOfMemoryError(
-            f"GPU memory is full: expected {more} free, or --device cpu"
-        ) from error
+        raise OutOfMemoryError(f"{GPU_IS_FULL}: expected {more} free, or --device cpu") from error

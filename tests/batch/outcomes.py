@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_batch.attempt.outcome import Kind, Outcome
-from hsslam_batch.plan.batch import Batch, write_batch
+from hsslam_batch.plan.batch import Batch, planned_batch, write_batch
 from hsslam_batch.plan.log import Log, write_manifest
 from hsslam_services.run.options import ServeOptions
 
@@ -19,7 +19,9 @@ def planned(
         for k, n in enumerate(frames)
     ]
     write_manifest(out, logs)
-    return write_batch(out, ServeOptions(seed=seed), "/logs", url)
+    batch, text = planned_batch(out, ServeOptions(seed=seed), "/logs", url)
+    write_batch(batch, text)
+    return batch
 
 
 def outcome(batch: Batch, index: int, kind: Kind = "done", **fields: Any) -> Outcome:

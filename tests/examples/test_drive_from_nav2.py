@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from rosbags.typesys import Stores, get_typestore
 
-from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.geometry.se3 import se3_exp
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import TopicName
@@ -23,7 +23,6 @@ _EXAMPLE = ROOT / "examples/drive_from_nav2.py"
 _STORE = get_typestore(Stores.ROS2_KILTED)  # not the release of the example
 _MESSAGES = RosMessages("test")
 _CELL_M = 0.05
-_T_MAP_ODOM = se3_exp(np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.4]))
 
 
 def _floor() -> np.ndarray:
@@ -60,6 +59,9 @@ class _Nav2:
     def plan(self, *corners: tuple[float, float], frame: str = "map") -> None:
         poses = np.stack([_at(*corner) for corner in corners])
         self.send("/plan", _MESSAGES.path(1, frame, [1] * len(corners), poses))
+
+    def at(self, T_map_base: np.ndarray) -> None:
+        self.send("/one/pose", _MESSAGES.pose(1, "map", T_map_base, None))
 
     def line(self, *, is_stamped: bool = False) -> str:
         """What it prints at a command."""
@@ -98,24 +100,38 @@ def test_a_plan_has_room_or_goes_through_the_wall(nav2):
     grid = _MESSAGES.occupancy_grid(1, "map", _CELL_M, _at(-1.0, 0.0), _floor())
     until(lambda: nav2.send("/one/map", grid) or "no map yet" not in nav2.line(), 60)
     assert "no pose in map yet; command 0.20 m/s -0.50 rad/s" in nav2.line()
-    T_odom_base = inverse(_T_MAP_ODOM) @ _at(-0.3, 1.0, 0.5)
-    nav2.send("/tf", _MESSAGES.transforms(1, [("map", "odom", _T_MAP_ODOM)]))
-    odometry = _MESSAGES.odometry(1, ("base_link", "odom"), T_odom_base, None, np.zeros(6), None)
-    nav2.send("/one/odom", odometry)
-    assert nav2.line().startswith("at -0.30 1.00 m, 29 deg; no plan; command 0.20 m/s")
+
+    def line(**fields) -> str:
+        nav2.send("/one/map", grid)  # both are new
+        nav2.at(_at(-0.3, 1.0, 0.5))
+        return nav2.line(**fields)
+
+    assert line().startswith("at -0.30 1.00 m, 29 deg; no plan; command 0.20 m/s")
     free = ("is free", pytest.approx(0.625, abs=0.01))
     nav2.plan((-0.275, 1.025), (0.375, 1.025))  # the wall begins at x = 1 m in `map`
-    assert _told(nav2.line(is_stamped=True)) == free
+    assert _told(line(is_stamped=True)) == free
     nav2.plan((-5.025, 1.025), (-0.275, 1.025), (0.375, 1.025))  # the way behind does not count
-    assert _told(nav2.line()) == free
+    assert _told(line()) == free
     nav2.plan((-0.275, 1.025), (2.025, 1.025))
-    assert _told(nav2.line()) == ("crosses 1 occupied cells", 0.0)
+    assert _told(line()) == ("crosses 1 occupied cells", 0.0)
     nav2.plan((-0.275, 1.025), (0.375, 1.025), (0.375, 2.525), (0.925, 2.525))
-    assert _told(nav2.line()) == ("crosses 4 unknown cells", 0.0)
+    assert _told(line()) == ("crosses 4 unknown cells", 0.0)
     nav2.plan((-0.275, 1.025), (3.175, 1.025))  # out of the grid
-    assert _told(nav2.line()) == ("crosses 1 occupied, 4 unknown cells", 0.0)
+    assert _told(line()) == ("crosses 1 occupied, 4 unknown cells", 0.0)
     nav2.plan((0.0, 0.0), (1.0, 0.0), frame="odom")
-    assert "; plan in odom: expected map; " in nav2.line()
+    assert "; plan in odom: expected map; " in line()
+
+
+def test_what_is_old_is_not_told_as_the_present(nav2):
+    """A lost camera has no pose, and a run that hangs sends no map; commands of Nav2 go on."""
+    grid = _MESSAGES.occupancy_grid(1, "map", _CELL_M, _at(-1.0, 0.0), _floor())
+    until(lambda: nav2.send("/one/map", grid) or "no map yet" not in nav2.line(), 60)
+    nav2.at(_at(-0.3, 1.0))
+    assert nav2.line().startswith("at -0.30 1.00 m")
+    until(lambda: nav2.send("/one/map", grid) or nav2.line().startswith("pose is 1 s old"), 60)
+    nav2.at(_at(-0.2, 1.0))
+    assert nav2.line().startswith("at -0.20 1.00 m")
+    until(lambda: nav2.at(_at(-0.2, 1.0)) or nav2.line().startswith("map is 1 s old"), 60)
 
 
 def test_no_router_and_bad_input_are_one_line(endpoint):

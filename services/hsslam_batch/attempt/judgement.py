@@ -9,7 +9,7 @@ from typing import Any
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_batch.plan.batch import Batch
-from hsslam_node.errors import MORE_SHARED_MEMORY, on_one_line
+from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY, on_one_line
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
@@ -17,6 +17,8 @@ from hsslam_services.run.summary import read_summary
 
 _STATUS_LINE = "frame "
 _NOT_SAVED = " not saved: "
+_OF_THE_MACHINE = (MORE_SHARED_MEMORY, GPU_IS_FULL)  # in errors that are not the log's
+_OF_THE_POSES = ("tracker", "mapper", "global_ba")  # processes that a log's results depend on
 
 
 def judged(
@@ -27,7 +29,8 @@ def judged(
 ) -> tuple[Kind, str]:
     """The kind of outcome of a command that has ended, and one line about why if it failed.
 
-    If the shared memory of the machine is full, the log is not at fault: a crash, which is tried again.
+    If the shared memory of the machine or the memory of its GPU is full, the log is not at fault: a crash,
+    which is tried again.
 
     `words`: the last line that it printed; `meanings`: text for each exit code.
     """
@@ -39,7 +42,7 @@ def judged(
     if end.code < 0:
         return "crash", f"killed by {signal.Signals(-end.code).name}; {words}"
     if end.code == ExitCode.BAD_INPUT:
-        return "crash" if MORE_SHARED_MEMORY in words else "bad input", words
+        return "crash" if any(text in words for text in _OF_THE_MACHINE) else "bad input", words
     if end.code != ExitCode.SAVED:
         meaning = next((f" ({text})" for code, text in meanings.items() if code == end.code), "")
         return "crash", f"exit code {end.code}{meaning}; {words}"
@@ -47,7 +50,8 @@ def judged(
 
 
 def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, str]:
-    """Done if a run has a pose message for each frame of its log, except bad frames; else a crash.
+    """Done if a run has a pose message for each frame of its log, except bad frames, if all are in run.mcap,
+    and if no process was restarted whose restart changes poses or map; else a crash.
 
     `expected`: frames of the log; None: not known, so that each frame that was sent needs a pose message.
     """
@@ -57,6 +61,14 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
         expected = max(sent, 1) + frames.get("bad", 0)
     if done != sent or sent + frames.get("bad", 0) != expected:
         return "crash", f"{done} of {expected} frames have a pose, {sent} were sent"
+    for name in _OF_THE_POSES:
+        if restarts := summary.get("processes", {}).get(name, {}).get("restarts"):
+            return (
+                "crash",
+                f"{name} was restarted {restarts} x: the results are others than without",
+            )
+    if missing := summary.get("log", {}).get("frames_dropped"):
+        return "crash", f"{missing} frames are not in run.mcap, as on a disk that is nearly full"
     return "done", ""
 
 

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from hsslam_batch.plan.batch import UnavailableError
 from hsslam_batch.plan.find_logs import planned_files
 from hsslam_batch.plan.listing import list_folder
 from hsslam_batch.plan.log import Log
+from hsslam_node.errors import UserError
 
 
 def expect_unchanged(log: Log, out: Path) -> None:
@@ -15,7 +17,12 @@ def expect_unchanged(log: Log, out: Path) -> None:
 
     Raises:
         UserError: it is another log now.
+        UnavailableError: the disk cannot be read.
     """
     if not log.frames or not Path(log.place).exists():
         return
-    planned_files(list_folder(Path(log.place), str(out)), log)
+    try:
+        files = list_folder(Path(log.place), str(out))
+    except UserError as error:  # the disk fails, not the log
+        raise UnavailableError(str(error)) from None
+    planned_files(files, log)

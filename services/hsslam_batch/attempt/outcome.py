@@ -100,6 +100,8 @@ def may_try_again(outcome: Outcome, retries: int) -> bool:
     return outcome.attempt <= most.get(outcome.kind, 0)
 
 
+NOT_EVALUATED = "not evaluated: "
+"""Beginning of the reason of a log that is done, but has no scores."""
 ENDS: Mapping[str, int] = MappingProxyType({"done": 0, "bad input": 2})
 """Exit code of `hsslam-batch work` by kind; all others 3."""
 

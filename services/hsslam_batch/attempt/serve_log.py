@@ -22,10 +22,10 @@ from hsslam_batch.attempt.judgement import (
     summary_of,
 )
 from hsslam_batch.attempt.local_log import expect_unchanged
-from hsslam_batch.attempt.outcome import Outcome, figures, may_try_again
+from hsslam_batch.attempt.outcome import NOT_EVALUATED, Outcome, figures, may_try_again
 from hsslam_batch.attempt.room import room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import Batch, UnavailableError
 from hsslam_batch.plan.folder_size import folder_nbytes
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import is_url
@@ -145,7 +145,9 @@ def _attempt(
         try:
             expect_unchanged(log, batch.out)
         except UserError as error:
-            return _outcome(batch, log, terms, _NOT_RUN, kind="bad input", reason=str(error))
+            failed = isinstance(error, UnavailableError)
+            kind, end = ("unavailable", _NO_ROOM) if failed else ("bad input", _NOT_RUN)
+            return _outcome(batch, log, terms, end, kind=kind, reason=str(error))
     run_dir = place.run_dir
     at_end.callback(_remove_arena, run_dir)
     command = serve_command(batch, here, run_dir)
@@ -158,7 +160,10 @@ def _attempt(
         except UserError as error:
             kind, reason = "bad input", f"the log has changed during the run: {error}"
         else:
-            kind, reason = judged_frames(summary_of(run_dir), expected)
+            summary = summary_of(run_dir)
+            kind, reason = judged_frames(summary, expected)
+            if kind == "done" and (why := summary.get("not_evaluated")):
+                reason = f"{NOT_EVALUATED}{why}"
     found = figures(summary_of(run_dir)) | {
         "nbytes": folder_nbytes(run_dir),
         "started_ns": started_ns,

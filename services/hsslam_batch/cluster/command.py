@@ -52,9 +52,9 @@ def _run_all(options: RunOptions) -> int:
     found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        if batch.url or not is_current(batch):  # `work` may have run a log since
-            with _owned(batch, logs):
-                settle_recordings(batch, logs)
+        with _owned(batch, logs):
+            settle_recordings(batch, logs)
+            if batch.url or not is_current(batch):  # `work` may have run a log since
                 write_runs(batch, logs)
         tally = Tally(logs, filter(None, found.values()))
         _write_metrics(options.metrics_file, batch, tally)
@@ -96,7 +96,7 @@ def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> I
             continue
         elif options.failed:
             yield Try(index)
-        elif may_try_again(outcome, options.retries):
+        elif outcome.is_left or may_try_again(outcome, options.retries):
             yield Try(index, outcome.attempt + 1)
 
 

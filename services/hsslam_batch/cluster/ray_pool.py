@@ -1,6 +1,7 @@
 """Runs attempts as tasks of Ray, each with its cores and memory; submits at most twice as many as fit."""
 
 import contextlib
+import random
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -143,11 +144,15 @@ class RayPool:
         )
 
     def _elsewhere(self, not_on: str) -> Any:
-        """The task on another node, if one is large enough; else on any."""
-        for node in _alive():
-            if node["NodeID"] != not_on and _fitting(node, self._share):
-                return self._placed(NodeAffinitySchedulingStrategy(node["NodeID"], soft=True))
-        return self._anywhere
+        """The task on another node, if one is large enough; else on any.
+
+        Ray lets the task wait for this node, so each gets one at random.
+        """
+        ids = [node["NodeID"] for node in _alive() if _fitting(node, self._share)]
+        others = [node_id for node_id in ids if node_id != not_on]
+        if not others:
+            return self._anywhere
+        return self._placed(NodeAffinitySchedulingStrategy(random.choice(others), soft=True))
 
 
 def _alive() -> list[dict[str, Any]]:

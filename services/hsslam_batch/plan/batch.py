@@ -203,18 +203,30 @@ def folder_of(out: str) -> tuple[Path, str]:
     return cache_root() / "batch" / _digest(url), url
 
 
-def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> Batch:
-    """Write the configuration: `options` without source and run folder.
+def planned_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> tuple[Batch, str]:
+    """The batch of these options, without source and run folder, and the text of its configuration.
 
     Raises:
-        OSError: the folder or the store cannot be written, or mask or map cannot be read.
+        UserError: mask or map cannot be read.
     """
     text, code = config_text(options), code_digest()
-    files = named_files_digest(text)
+    try:
+        files = named_files_digest(text)
+    except OSError as error:
+        raise UserError(
+            f"{error.filename}: {error.strerror}: expected a mask or map that can be read"
+        ) from None
     about = BatchFile(_digest(f"{code}\n{text}{files}"), code_name(), logs, code, files)
-    batch = Batch(out, about, url)
+    return Batch(out, about, url), text
+
+
+def write_batch(batch: Batch, text: str) -> None:
+    """Write the configuration; the manifest is there.
+
+    Raises:
+        OSError: the folder or the store cannot be written.
+    """
     write_durably(batch.config, text.encode())
-    write_durably(out / BATCH_FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
+    write_durably(batch.out / BATCH_FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
     for name in (MANIFEST, CONFIG_FILE, BATCH_FILE):
         batch.publish(name)
-    return batch

@@ -10,7 +10,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from hsslam_batch.options import PlanOptions
-from hsslam_batch.plan.batch import folder_of, write_batch
+from hsslam_batch.plan.batch import folder_of, planned_batch, write_batch
 from hsslam_batch.plan.find_logs import find_logs, is_utf8, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.lock import alone
@@ -56,11 +56,12 @@ def plan_command(args: Sequence[str]) -> None:
     with terminal_progress(*columns) as progress:
         counting = with_frames(found, serve.source_options)
         logs = list(progress.track(counting, total=len(found)))
+    batch, text = planned_batch(out, serve, options.logs, url)
     try:
         out.mkdir(parents=True, exist_ok=True)
         with alone(out, place):
             write_manifest(out, logs)
-            batch = write_batch(out, serve, options.logs, url)
+            write_batch(batch, text)
             unplanned = unplanned_results(batch, logs)
     except OSError as error:
         reason = error.strerror or str(error)

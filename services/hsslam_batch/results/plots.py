@@ -38,10 +38,13 @@ def draw(batches: Mapping[str, Sequence[Row]], folder: Path) -> list[Path]:
         for name, values in found.items():
             ordered = figure.scale * np.sort(values)
             share = 100 * np.arange(1, len(ordered) + 1) / len(ordered)
-            each.step(ordered, share, where="post", label=name)
+            color = f"C{list(batches).index(name)}"
+            each.step(ordered, share, where="post", label=name, color=color)
         each.set(xlabel=figure.title, ylabel="share of the logs, %", ylim=(0, 101))
     if len(batches) > 1:
-        picture.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        shown = [zip(*each.get_legend_handles_labels(), strict=True) for each in axes]
+        by_name = {name: handle for pairs in shown for handle, name in pairs}
+        picture.legend(by_name.values(), by_name, loc="outside upper center", ncols=2)
     return [_write(picture, folder, "logs.png")]
 
 

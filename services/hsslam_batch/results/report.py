@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 from rich.table import Table
 
+from hsslam_batch.attempt.outcome import NOT_EVALUATED
 from hsslam_batch.options import ReportOptions
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.plan.read_batch import read_batch
@@ -77,6 +78,10 @@ def _sums(rows: Sequence[Row]) -> list[str]:
         each = f"{1e3 * core_s / frames:.0f} ms a frame"
         lines.append(
             f"{frames} frames, {lost} lost ({share}); core time {duration(core_s)}, {each}"
+        )
+    if count := sum(row["reason"].startswith(NOT_EVALUATED) for row in done):
+        lines.append(
+            f"{count} logs that are done could not be evaluated: see reason in runs.parquet"
         )
     if failed_s:
         lines.append(

@@ -1,6 +1,7 @@
 """The arena folder of a run in /dev/shm: its creation, ownership and removal (no torch)."""
 
 import contextlib
+import errno
 import fcntl
 import json
 import os
@@ -10,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import MORE_SHARED_MEMORY, UserError
 from hsslam_services.arena.unsaved_marker import is_marked
 
 SHM_ROOT = Path("/dev/shm")
@@ -40,7 +41,10 @@ class ArenaFolder:
             unlocked.rename(self.path)
         except OSError as error:
             shutil.rmtree(unlocked, ignore_errors=True)
-            raise UserError(f"{self.path}: {error.strerror}: expected room for the arena") from None
+            expected = (
+                MORE_SHARED_MEMORY if error.errno == errno.ENOSPC else "expected a writable folder"
+            )
+            raise UserError(f"{self.path}: {error.strerror}: {expected}") from None
 
     def remove(self) -> None:
         """Remove the folder; the memory of an array is free when the last process unmaps it."""

@@ -38,11 +38,12 @@ from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
-from hsslam_services.tracked.waiting_frames import WaitingFrames
+from hsslam_services.tracked.waiting_frames import MOST_WAITING, WaitingFrames
 
 _EVERY_S = 0.1
 _EARLY_S = 0.005  # an update may be early, as the interval of frames varies
 _POLL_S = 0.1
+_LATE_S = 5.0
 _BLOCKS_A_MESSAGE = 256  # 2 MB
 _FRESH_S = 1.0  # age limit of blocks in an answer, and longest wait for newer ones
 
@@ -74,7 +75,8 @@ class _DistancesLoop:
         self._blocks = _PublishedBlocks(worker)
         self._window: RollingWindow | None = None
         self._reported: FloorPlane | None = None
-        self._is_none_reported = self._is_tilt_reported = False
+        self._is_none_reported = self._is_tilt_reported = self._is_late_reported = False
+        self._imageless_since_s: float | None = None  # since when poses come without their frames
         self._next_s = 0.0
 
     def take(self, pose: Pose) -> None:
@@ -84,8 +86,12 @@ class _DistancesLoop:
         store = self._link.store()
         is_aligned = pose.status != "lost" and not pose.is_dead_reckoned
         is_past = pose.map_epoch != self._state.map_epoch  # of a frame that is sent again
-        if not is_aligned or is_past or image is None or store is None or not store.count:
+        if not is_aligned or is_past or store is None or not store.count:
             return
+        if image is None:
+            self._note_missing_image(now_s)
+            return
+        self._imageless_since_s = None
         if now_s < self._next_s - _EARLY_S:
             return
         every_s = _EVERY_S * self._level.now.distances_every
@@ -124,6 +130,17 @@ class _DistancesLoop:
         if self._slices.has_subscribers():
             self._slices.put(esdf_message(grid, band, pose))
         self._blocks.follow(known, pose)
+
+    def _note_missing_image(self, now_s: float) -> None:
+        """Report once that no pose of the last seconds came while its frame was there."""
+        if self._imageless_since_s is None:
+            self._imageless_since_s = now_s
+        elif now_s - self._imageless_since_s > _LATE_S and not self._is_late_reported:
+            self._is_late_reported = True
+            text = (
+                f"no grid: poses come more than {MOST_WAITING} frames after their frames: expected "
+            )
+            self._worker.event("warning", f"{text}a faster preset or a lower rate of the camera")
 
     def _report_none(self, error: UserError) -> None:
         if not self._is_none_reported:

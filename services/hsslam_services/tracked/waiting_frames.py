@@ -6,7 +6,9 @@ from hsslam_proto import topics
 from hsslam_proto.messages import Frame, Pose
 from hsslam_services.bus.bus import Bus
 
-_FRAMES = 4  # most that wait: a pose is at most two frames late, unless the machine is too slow
+MOST_WAITING = (
+    4  # most that wait: a pose is at most two frames late, unless the machine is too slow
+)
 
 
 class WaitingFrames:
@@ -14,7 +16,7 @@ class WaitingFrames:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._frames = bus.subscribe(topics.FRAME, _FRAMES)
+        self._frames = bus.subscribe(topics.FRAME, MOST_WAITING)
         self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()
 
     def of(self, pose: Pose) -> Frame | None:
@@ -25,7 +27,7 @@ class WaitingFrames:
         if of_pose in self._waiting:
             while next(iter(self._waiting)) != of_pose:
                 self._waiting.popitem(last=False)
-        while len(self._waiting) > _FRAMES:
+        while len(self._waiting) > MOST_WAITING:
             self._waiting.popitem(last=False)
         return self._waiting.pop(of_pose, None)
 

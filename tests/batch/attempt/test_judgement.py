@@ -7,6 +7,7 @@ import pytest
 from hsslam_batch.attempt.judgement import judged, judged_frames, last_words
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
+from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY
 
 _NO_ROOM = "map not saved: /fleet/out/map.safetensors: No space left on device"
 
@@ -38,6 +39,33 @@ def test_what_is_not_saved_is_told_without_the_memory_that_the_batch_frees(tmp_p
 )
 def test_each_frame_needs_a_pose(frames: dict[str, int], expected: int | None, kind: Kind):
     assert judged_frames({"frames": frames}, expected)[0] == kind
+
+
+@pytest.mark.parametrize(
+    ("section", "reason"),
+    [
+        ({"log": {"frames_dropped": 0}, "processes": {"recorder": {"restarts": 1}}}, ""),
+        ({"log": {"frames_dropped": 3}}, "3 frames are not in run.mcap"),
+        ({"processes": {"tracker": {"restarts": 2}}}, "tracker was restarted 2 x"),
+    ],
+)
+def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict, reason: str):
+    frames = {"in": 20, "tracked": 20}
+    kind, told = judged_frames({"frames": frames, **section}, 20)
+    assert (kind == "crash") == bool(reason) and told.startswith(reason)
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        (f"/dev/shm/hsslam-1: No space left on device: {MORE_SHARED_MEMORY}", "crash"),
+        (f"{GPU_IS_FULL}: expected 20.00 MiB more free, or --device cpu", "crash"),
+        ("bag: no topic", "bad input"),
+    ],
+)
+def test_a_machine_that_is_full_is_not_the_fault_of_the_log(words: str, kind: Kind):
+    end = End(code=2, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
+    assert judged(end, Limits(), words)[0] == kind
 
 
 def test_the_last_line_is_the_reason_without_status_lines(tmp_path: Path):

@@ -1,6 +1,7 @@
 """A log that is another one than when it was planned has no run under its old id."""
 
 import dataclasses
+import errno
 import os
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.serve_log import Terms, serve_log
+from hsslam_batch.plan.batch import UnavailableError
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.plan.read_batch import read_batch
@@ -48,3 +50,17 @@ def test_a_log_without_an_end_may_have_been_completed_by_an_attempt(tmp_path: Pa
     recover(file)
     assert file.stat().st_size != log.nbytes
     expect_unchanged(log, batch.out)
+
+
+def test_a_disk_that_cannot_be_read_says_nothing_about_the_log(tmp_path: Path, monkeypatch):
+    write_small_log(tmp_path / "logs" / "a")
+    plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
+    batch = read_batch(str(tmp_path / "out"))
+    (log,) = read_manifest(batch.out)
+
+    def fail(*_):
+        raise OSError(errno.EIO, os.strerror(errno.EIO), log.place)
+
+    monkeypatch.setattr(os, "scandir", fail)
+    with pytest.raises(UnavailableError, match="Input/output error"):
+        expect_unchanged(log, batch.out)

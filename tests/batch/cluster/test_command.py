@@ -44,6 +44,14 @@ def test_where_nothing_is_left_ray_is_not_started(
         run_command([str(batch.out), "--failed"])
 
 
+def test_an_attempt_that_the_stopped_command_owed_is_made(tmp_path: Path):
+    """`status` calls the log left by the same rule."""
+    batch = planned(tmp_path / "out", frames=(100,))
+    crashed = msgspec.structs.replace(outcome(batch, 0, "crash"), attempt=1, retries=2)
+    assert crashed.is_left
+    assert list(waiting_tries({0: crashed}, RunOptions(str(batch.out), retries=0))) == [Try(0, 2)]
+
+
 def test_the_exit_code_is_that_of_the_batch_if_nobody_reads(batch: Batch):
     """As `hsslam-batch run OUT 2>&1 | tee FILE`, whose `tee` has heard the Ctrl-C, too."""
     readable, writable = os.pipe()

@@ -1,5 +1,6 @@
 """`hsslam-batch plan` checks everything that can be checked before the first run."""
 
+import errno
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -47,6 +48,27 @@ def test_manifest_and_options_are_written(
     options = parse_command_line(["--config", str(batch.config)])
     assert (options.preset, options.seed, options.pace) == ("eslam", 3, "lockstep")
     assert options.viewer == "none"
+
+
+def test_a_mask_that_cannot_be_read_is_named_and_the_plan_stays(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    mask = tmp_path / "mask.png"
+    cv2.imwrite(str(mask), np.full((8, 8), 255, np.uint8))
+    _plan(logs, tmp_path / "out", "--mask", str(mask))
+    before = read_manifest(tmp_path / "out")
+    write_small_log(logs / "log2", count=2)
+    opened = Path.open
+
+    def open_others(path: Path, *args, **kwargs):
+        if path == mask:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opened(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", open_others)
+    with pytest.raises(UserError, match=rf"{mask}: Permission denied: expected a mask or map that"):
+        _plan(logs, tmp_path / "out", "--mask", str(mask))
+    assert read_manifest(tmp_path / "out") == before
 
 
 @pytest.mark.parametrize(("given", "device"), [([], "auto"), (["--device", "cuda"], "cuda")])
