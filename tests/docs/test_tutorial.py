@@ -43,11 +43,13 @@ def test_the_tutorial(tmp_path):
     record(tmp_path / "my_recording")
     blocks = re.findall(r"^```bash\n(.*?)^```", TUTORIAL.read_text(), re.MULTILINE | re.DOTALL)
     assert len(blocks) == 5
-    port = free_endpoint().rpartition(":")[2]  # somebody may be on the default one
-    script = "".join(blocks).replace("hsslam-serve ", f"hsslam-serve --zenoh-port {port} ")
+    script = "".join(blocks)
     for at_full_size, here in _INTRINSICS.items():
         assert at_full_size in script
         script = script.replace(at_full_size, here)
+    # last, as its digits may be those of an intrinsic; another program may be on the default port
+    port = free_endpoint().rpartition(":")[2]
+    script = script.replace("hsslam-serve ", f"hsslam-serve --zenoh-port {port} ")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
