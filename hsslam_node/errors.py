@@ -4,8 +4,9 @@ import difflib
 from collections.abc import Iterable
 
 MORE_SHARED_MEMORY = "expected more shared memory (docker: --shm-size)"
-GPU_IS_FULL = "GPU memory is full"
 """In each error about a full /dev/shm; a batch, whose runs are other processes, recognises them by it."""
+GPU_IS_FULL = "GPU memory is full"
+"""In each error about the memory of a GPU, likewise."""
 _LONGEST_TEXT = 300
 
 

@@ -9,6 +9,12 @@ from hsslam_node.sources.options.limits import expect_range
 ROS_ROUTER = "tcp/127.0.0.1:7447"  # where ROS nodes look for one
 
 
+def info_beside(image_topic: str) -> str:
+    """The topic of the intrinsics of an image topic, compressed or not: its neighbour in ROS."""
+    image = image_topic.removesuffix("/compressed").removesuffix("/compressedDepth")
+    return f"{image.rpartition('/')[0]}/camera_info"
+
+
 @dataclass(frozen=True)
 class Ros2Options:
     """Topics of ros2:/camera; a name without a leading / is below /camera."""
@@ -53,8 +59,7 @@ class Ros2Options:
         if not re.fullmatch(r"/|(/\w+)+", name):
             raise UserError(f"source ros2:{name}: expected the camera's namespace: ros2:/camera")
         color, depth = (_below(name, topic) for topic in (self.color, self.depth))
-        beside = f"{color.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
-        return color, depth, _below(name, self.info) if self.info else beside
+        return color, depth, _below(name, self.info) if self.info else info_beside(color)
 
     def topic_of_odometry(self, name: str) -> str:
         """The topic of odometry of the camera of this name; empty if there is none."""

@@ -35,7 +35,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 
 _NOT_RUN = End(code=2, why="", wall_s=0.0, core_s=0.0, memory_mb=0)
-_NO_ROOM = dataclasses.replace(_NOT_RUN, code=1)
+_UNAVAILABLE = dataclasses.replace(_NOT_RUN, code=1)
 _LOOK_S = 5.0  # for room
 _FETCH_CODES = {1: "the log could not be fetched"}
 
@@ -129,7 +129,7 @@ def _attempt(
             room = at_end.enter_context(room_for(nbytes, place.fetched, lambda: _pause(cancel_fds)))
         except OSError as error:
             reason = f"{error.filename}: {error.strerror}: expected a folder with room (--scratch)"
-            return _outcome(batch, log, terms, _NO_ROOM, kind="unavailable", reason=reason)
+            return _outcome(batch, log, terms, _UNAVAILABLE, kind="unavailable", reason=reason)
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
@@ -146,7 +146,7 @@ def _attempt(
             expect_unchanged(log, batch.out)
         except UserError as error:
             failed = isinstance(error, UnavailableError)
-            kind, end = ("unavailable", _NO_ROOM) if failed else ("bad input", _NOT_RUN)
+            kind, end = ("unavailable", _UNAVAILABLE) if failed else ("bad input", _NOT_RUN)
             return _outcome(batch, log, terms, end, kind=kind, reason=str(error))
     run_dir = place.run_dir
     at_end.callback(_remove_arena, run_dir)
@@ -154,17 +154,17 @@ def _attempt(
     limits = terms.limits.after(fetch_s)
     end = _watched(command, place, limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir)))
     kind, reason = judged(end, terms.limits, last_words(place.output))
+    summary = summary_of(run_dir)
     if kind == "done":
         try:
             expected = selected_frames(batch, here.source)
         except UserError as error:
             kind, reason = "bad input", f"the log has changed during the run: {error}"
         else:
-            summary = summary_of(run_dir)
             kind, reason = judged_frames(summary, expected)
             if kind == "done" and (why := summary.get("not_evaluated")):
                 reason = f"{NOT_EVALUATED}{why}"
-    found = figures(summary_of(run_dir)) | {
+    found = figures(summary) | {
         "nbytes": folder_nbytes(run_dir),
         "started_ns": started_ns,
     }

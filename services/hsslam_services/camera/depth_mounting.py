@@ -23,8 +23,7 @@ class ShownImages:
     """The images of a topic, as the first of them shows them."""
 
     topic: str
-    camera: Camera  # by P of `camera_info` if the images are rectified, else by K
-    unrectified: Camera  # by K
+    camera: Camera  # by K of `camera_info`, rectified or not
     frame_id: str  # ROS name of the camera's optical frame
 
 
@@ -42,6 +41,7 @@ def depth_mounting(
     source: str,
     color: ShownImages,
     depth: ShownImages,
+    depth_camera: Camera,
     T_color_depth: np.ndarray | None,
     reports: Reports,
 ) -> DepthMounting | None:
@@ -51,12 +51,13 @@ def depth_mounting(
 
     Args:
         source: its name in errors.
+        depth_camera: by P of `camera_info` if the images are rectified, else by K.
         T_color_depth: [4, 4], metres; None: not known.
 
     Raises:
         UserError: depth has other intrinsics than colour, and is named registered or has no known mounting.
     """
-    if not differ(color.unrectified, depth.unrectified):
+    if not differ(color.camera, depth.camera):
         report_other_frame(depth.topic, color.frame_id, depth.frame_id, reports)
         return None
     if T_color_depth is None or is_named_registered(depth.topic):
@@ -72,7 +73,7 @@ def depth_mounting(
         "into the colour image"
     )
     reports.add(Report("depth is registered here", text))
-    return DepthMounting(depth.camera, T_color_depth)
+    return DepthMounting(depth_camera, T_color_depth)
 
 
 def both_cameras(camera_of: Callable[[str], Camera], topic: str) -> tuple[Camera, Camera]:
@@ -98,11 +99,16 @@ def differ(one: Camera, other: Camera) -> bool:
     return sizes[0] != sizes[1] or bool(np.abs(one.K - other.K).max() > _SAME_K_PX)
 
 
+def names_other_frame(color_frame: str, depth_frame: str) -> bool:
+    """Whether two `frame_id` say that depth is of another camera than colour."""
+    return bool(color_frame and depth_frame) and color_frame != depth_frame
+
+
 def report_other_frame(
     depth_topic: str, color_frame: str, depth_frame: str, reports: Reports
 ) -> None:
     """Report if depth that counts as registered names another frame than colour."""
-    if color_frame and depth_frame and color_frame != depth_frame:
+    if names_other_frame(color_frame, depth_frame):
         text = (
             f"{depth_topic}: frame_id {depth_frame}: expected {color_frame} as colour, if depth is "
             "registered to it (realsense: align_depth.enable:=true)"
@@ -117,8 +123,8 @@ def _not_registered(source: str, color: ShownImages, depth: ShownImages) -> User
         frames = f"from {depth.frame_id or 'depth'} to {color.frame_id or 'colour'}"
         where = f"(realsense: align_depth.enable:=true), or a transform {frames} on /tf_static"
     return UserError(
-        f"source {source}: {depth.topic} has {_text(depth.unrectified)}, {color.topic} has "
-        f"{_text(color.unrectified)}: expected depth that is registered to colour {where}"
+        f"source {source}: {depth.topic} has {_text(depth.camera)}, {color.topic} has "
+        f"{_text(color.camera)}: expected depth that is registered to colour {where}"
     )
 
 

@@ -12,6 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.depth_registration import DepthMounting
 from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.options.topics import info_beside
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.depth_mounting import (
@@ -20,6 +21,7 @@ from hsslam_services.camera.depth_mounting import (
     depth_mounting,
     differ,
     is_named_registered,
+    names_other_frame,
     report_other_frame,
 )
 from hsslam_services.camera.ros2_messages import CdrMessages, is_rectified, topic_keys, type_of
@@ -65,8 +67,7 @@ class Ros2Depth:
         self._subscribers: tuple[Any, Any] | None = None
         self._asked_s = 0.0  # since when `camera_info` is awaited
         if not is_named_registered(self._depth):
-            image = self._depth.removesuffix("/compressed").removesuffix("/compressedDepth")
-            self._info = f"{image.rpartition('/')[0]}/camera_info"
+            self._info = info_beside(self._depth)
             info = session.declare_subscriber(
                 topic_keys(domain, self._info), zenoh.handlers.RingChannel(1)
             )
@@ -104,10 +105,9 @@ class Ros2Depth:
         return self._cameras[0] if self._cameras else None
 
     def mounting(
-        self, source: str, color: tuple[Camera, Camera], first: tuple[RawImage, RawImage]
+        self, source: str, color: Camera, first: tuple[RawImage, RawImage]
     ) -> DepthMounting | None:
-        """As `depth_mounting`, for depth of another frame than colour; `color`: its camera as rectified, and
-        unrectified.
+        """As `depth_mounting`, for depth of another frame than colour; `color`: its camera, unrectified.
 
         Raises:
             UserError: depth is not registered to colour, and where its camera sits is not known.
@@ -116,17 +116,19 @@ class Ros2Depth:
         if self._cameras is None or not self._may_be_apart(first):
             report_other_frame(self._depth, of_color, of_depth, self._reports)
             return None
+        rectified, unrectified = self._cameras
         return depth_mounting(
             source,
-            ShownImages(self._color, *color, of_color),
-            ShownImages(self._depth, *self._cameras, of_depth),
+            ShownImages(self._color, color, of_color),
+            ShownImages(self._depth, unrectified, of_depth),
+            rectified,
             self._T_color_depth(first),
             self._reports,
         )
 
     def _may_be_apart(self, first: tuple[RawImage, RawImage]) -> bool:
-        color, depth = (image.frame_id for image in first)
-        return self._subscribers is not None and bool(color and depth) and color != depth
+        frames = (image.frame_id for image in first)
+        return self._subscribers is not None and names_other_frame(*frames)
 
     def _T_color_depth(self, first: tuple[RawImage, RawImage]) -> np.ndarray | None:
         """T_color_depth, [4, 4], from `/tf_static`; None if not known."""

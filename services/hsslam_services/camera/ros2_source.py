@@ -81,7 +81,7 @@ class Ros2Source:
                 self._session, domain, self._topics[:2], self._cdr, self.reports
             )
             cameras, first = self._wait(name)
-            mounting = self._depth_camera.mounting(f"ros2:{name}", cameras, first)
+            mounting = self._depth_camera.mounting(f"ros2:{name}", cameras[1], first)
             if mounting is None and self._has_lens:
                 report_one_rectified(*self._topics[:2], "--ros2", self.reports)
             depth_scale = options.camera.depth_scale
@@ -139,7 +139,7 @@ class Ros2Source:
                 self.reports.add(Report.unusable(self._topics[2], error))
 
     def _camera_of(self, sample: zenoh.Sample, color_topic: str | None = None) -> Camera:
-        """The camera of a `camera_info`; `color_topic`: instead of that of the options."""
+        """The camera of a `camera_info`, for the images of `color_topic`; None: the topic of the options."""
         payload, kind = sample.payload.to_bytes(), type_of(str(sample.key_expr))
         color_topic = self._topics[0] if color_topic is None else color_topic
         return self._cdr.camera(payload, kind, is_rectified(color_topic))
@@ -170,26 +170,26 @@ class Ros2Source:
 
     def _wait(self, name: str) -> tuple[tuple[Camera, Camera], tuple[RawImage, RawImage]]:
         """Wait for the intrinsics, as rectified and by K, the first pair, and where the depth camera is."""
-        camera, unrectified, pair, problem = None, None, None, ""
+        cameras, pair, problem = None, None, ""
         broken: list[tuple[RawImage, RawImage]] = []
         deadline = time.monotonic() + self._options.ros2.timeout_s
         needs_sensors = not self._options.is_reopened
         while (
-            camera is None
-            or unrectified is None
+            cameras is None
             or pair is None
             or (needs_sensors and self._sensors.silent)
-            or self._depth_camera.is_awaited(pair, unrectified)
+            or self._depth_camera.is_awaited(pair, cameras[1])
         ) and time.monotonic() < deadline:
             if self._should_stop():
                 raise _stopped(name)
             try:
-                if camera is None and (sample := self._info.try_recv()) is not None:
-                    camera = self._camera_of(sample)
+                if cameras is None and (sample := self._info.try_recv()) is not None:
                     _, unrectified = both_cameras(partial(self._camera_of, sample), self._topics[0])
+                    cameras = self._camera_of(sample), unrectified
                     self._has_lens = self._cdr.has_lens(sample.payload.to_bytes())
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
+                    camera = cameras and cameras[0]
                     if can_be_used(newest, camera, self._depth_camera.camera(newest)):
                         pair = newest
                     elif len(broken) < MOST_BROKEN:
@@ -202,8 +202,8 @@ class Ros2Source:
                 problem = f"; {error}"
             time.sleep(_POLL_S)
         pair = pair or next(iter(broken), None)
-        if camera is None or unrectified is None or pair is None:
-            missing = "no camera_info" if camera is None else "no colour-depth pair"
+        if cameras is None or pair is None:
+            missing = "no camera_info" if cameras is None else "no colour-depth pair"
             waited = f"within {self._options.ros2.timeout_s:g} s"
             raise UserError(
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
@@ -215,13 +215,13 @@ class Ros2Source:
             if not needs_sensors:
                 text = f"{silent.topic}: silent since the camera is opened again: frames go on without it"
                 self.reports.add(Report(f"{silent.topic}: silent", text))
-                return (camera, unrectified), pair
+                return cameras, pair
             raise UserError(
                 f"source ros2:{name}: no {silent.name} within {self._options.ros2.timeout_s:g} s on "
                 f"{silent.topic}{self._sensors.problem}: expected {silent.type_name}, or no "
                 f"--ros2.{silent.name}"
             )
-        return (camera, unrectified), pair
+        return cameras, pair
 
     def _hear_sensors(self) -> None:
         """Wait a little for sensors that send more rarely than the camera."""

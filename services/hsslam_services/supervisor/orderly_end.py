@@ -12,6 +12,7 @@ from hsslam_services.arena.map_state import MapState
 from hsslam_services.artefacts.lost_results import (
     POSES_NOT_LOGGED,
     lost_fragments,
+    lost_poses,
     unfinished_log,
 )
 from hsslam_services.health.run_state import RunState
@@ -60,9 +61,6 @@ class OrderlyEnd:
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
-    _too_slow: set[str] = field(
-        default_factory=set
-    )  # processes whose restart is not awaited any more
     _saved_version: int = -1  # of the poses, when the trajectories were last saved
 
     def to_the_end(self) -> None:
@@ -74,8 +72,7 @@ class OrderlyEnd:
         self._stop(TRACKER_STAGE)
         self._save_trajectories(patience=2 if self.state.tracked else 1)
         self._check_poses()
-        for name in _FINISHES_WORK:
-            self._await_restart(name)
+        self._await_restart("global_ba")
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
         if math.isfinite(self.run.options.finish_budget_s):
@@ -125,10 +122,10 @@ class OrderlyEnd:
     def _await_restart(self, name: str) -> None:
         """Wait for a process with work to finish that crashed just now, for a limited time; report others."""
         child, deadline_s = self.children[name], time.monotonic() + _LONGEST_RESTART_S
-        while child.is_restarting and name not in self._too_slow and self.signals() < 2:
+        while child.is_restarting and self.signals() < 2:
             if time.monotonic() > deadline_s:
-                self._too_slow.add(name)
                 self.report(f"{name} is not running again yet: its last work may be missing")
+                return
             self.turn()
 
     def _save_trajectories(self, patience: int = 1) -> None:
@@ -173,10 +170,9 @@ class OrderlyEnd:
 
     def _check_poses(self) -> None:
         """Miss the poses that the pose log had no memory for, and the fragments that the tracker lost."""
-        if count := self.children["tracker"].counted(POSES_NOT_LOGGED):
-            self.miss(
-                "poses", f"{count} are missing in the trajectories, as the memory was full: lost"
-            )
+        counted = self.children["tracker"].counted(POSES_NOT_LOGGED)
+        if lost := lost_poses(self.run.path, counted):
+            self.miss("poses", lost)
         if lost := lost_fragments(self.run.path):
             self.miss("fragments", lost)
 

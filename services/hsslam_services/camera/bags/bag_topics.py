@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.depth_registration import DepthMounting
 from hsslam_node.sources.files.image_files import BadImageError
-from hsslam_node.sources.options.topics import BagOptions
+from hsslam_node.sources.options.topics import BagOptions, info_beside
 from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bags import realsense_recording
@@ -21,6 +21,7 @@ from hsslam_services.camera.depth_mounting import (
     depth_mounting,
     is_named_registered,
     is_named_unregistered,
+    names_other_frame,
     report_other_frame,
 )
 from hsslam_services.camera.ros2_messages import (
@@ -75,12 +76,14 @@ def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamer
     if not depth_infos:
         report_other_frame(depth, images[color].frame_id, images[depth].frame_id, reports)
     for depth_info in depth_infos:
+        _, color_K = _both_cameras(bag, firsts[info], color)
+        depth_camera, depth_K = _both_cameras(bag, firsts[depth_info], depth)
         shown = (
-            _shown(bag, color, firsts[info], images[color]),
-            _shown(bag, depth, firsts[depth_info], images[depth]),
+            ShownImages(color, color_K, images[color].frame_id),
+            ShownImages(depth, depth_K, images[depth].frame_id),
         )
         T_color_depth = _T_color_depth(bag, *shown, reports)
-        mounting = depth_mounting(bag.name, *shown, T_color_depth, reports)
+        mounting = depth_mounting(bag.name, *shown, depth_camera, T_color_depth, reports)
     if mounting is None and bag.decode.has_lens(firsts[info].payload):
         report_one_rectified(color, depth, "--bag", reports)
     with _named(bag, depth, "unit"):
@@ -215,9 +218,9 @@ def _described(topic: BagTopic, images: dict[str, RawImage]) -> str:
 def _info_beside(topic: str, infos: Sequence[str]) -> list[str]:
     """The camera_info of an image topic: its neighbour in ROS; in recordings of the RealSense SDK
     `.../info/camera_info` for `.../image/data`."""
-    image = topic.removesuffix("/compressed").removesuffix("/compressedDepth")
-    folder = image.rpartition("/")[0]
-    names = (f"{folder}/camera_info", f"{folder.removesuffix('/image')}/info/camera_info")
+    beside = info_beside(topic)
+    folder = beside.removesuffix("/camera_info").removesuffix("/image")
+    names = (beside, f"{folder}/info/camera_info")
     return [name for name in names if name in infos][:1]
 
 
@@ -233,10 +236,9 @@ def camera_of(bag: BagFile, message: BagMessage, color: str) -> Camera:
         raise UserError(f"source {bag.name}: {message.topic}: {error}") from None
 
 
-def _shown(bag: BagFile, topic: str, info: BagMessage, first: RawImage) -> ShownImages:
-    """The images of a topic with their `camera_info`."""
-    camera, unrectified = both_cameras(lambda topic: camera_of(bag, info, topic), topic)
-    return ShownImages(topic, camera, unrectified, first.frame_id)
+def _both_cameras(bag: BagFile, info: BagMessage, topic: str) -> tuple[Camera, Camera]:
+    """As `both_cameras`, of a `camera_info` and the topic of its images."""
+    return both_cameras(lambda topic: camera_of(bag, info, topic), topic)
 
 
 def _T_color_depth(
@@ -247,7 +249,7 @@ def _T_color_depth(
         return None
     with _named(bag, depth.topic, "mounting of the camera"):
         found = realsense_recording.mounted_at(bag, color.topic, depth.topic)
-    if found is None and depth.frame_id and color.frame_id and depth.frame_id != color.frame_id:
+    if found is None and names_other_frame(color.frame_id, depth.frame_id):
         found = bag.static_transforms(reports).between(color.frame_id, depth.frame_id)
     return found
 
