@@ -1,4 +1,4 @@
-"""Whether a place has changed since a keyframe of a saved map showed it; apart, as it knows no cells."""
+"""Whether a place has changed since earlier keyframes showed it; apart, as it knows no cells."""
 
 import cv2
 import numpy as np
@@ -17,47 +17,56 @@ _SHARED = 0.5  # of the samples, which it must have in view
 _ENOUGH = 6  # views that agree on a change; the evidence of `distance/occupancy.py` needs as many
 
 
-def has_changed(store: KeyframeStore, k: int, earlier: np.ndarray) -> bool:
+def has_changed(
+    store: KeyframeStore, k: int, earlier: np.ndarray, later: np.ndarray | None = None
+) -> bool:
     """Whether keyframe k sees through surface that keyframes of `earlier` [n], the oldest first, show, or
     shows surface that these see through; 4 ms.
 
     Three of them answer: of the near views the newest and the sixth newest, so that a change counts until six
-    views show it; and the nearest, for what the sixth did not measure.
+    views show it; and the nearest, for what the sixth did not measure. A change does not count if it is
+    undone in the newest view of the place among `later` [m]: a person who walks by changes nothing.
 
     Raises:
         RetiredKeyframeError: one of them is not kept.
     """
     away = view_distance(store.pose(k), store.poses_of(earlier))
     nearest = int(earlier[away.argmin()])
-    recent = _recent_views(store, k, earlier[away <= _NEAR * away.min() + _NEAR_M])
+    recent = _recent_views(store, k, earlier[away <= _NEAR * away.min() + _NEAR_M], _ENOUGH)
     newer = [j for j in recent[_ENOUGH - 1 :] if j > nearest]
     asked = {nearest: newer} | {j: [] for j in (*recent[:1], *recent[-1:])}
+    last = [] if later is None else _recent_views(store, k, later, 1)
     return any(
-        _seen_through_m2(store, shown_by, seen_by, but) >= _CHANGED_M2
+        _seen_through_m2(store, shown_by, seen_by, but, last) >= _CHANGED_M2
         for j, but in asked.items()
         for shown_by, seen_by in ((j, k), (k, j))
     )
 
 
-def _recent_views(store: KeyframeStore, k: int, near: np.ndarray) -> list[int]:
-    """Up to six of the keyframes `near` that have half of the samples of k in view, the newest first."""
+def _recent_views(store: KeyframeStore, k: int, near: np.ndarray, most: int) -> list[int]:
+    """Up to `most` of the keyframes `near` that have half of the samples of k in view, the newest first."""
     points, _, known = _samples(store, k)
     recent: list[int] = []
     for j in reversed(near.tolist()):
         if np.mean(np.isfinite(_behind(store, points, j)[known])) > _SHARED:
             recent.append(j)
-            if len(recent) == _ENOUGH:
+            if len(recent) == most:
                 break
     return recent
 
 
-def _seen_through_m2(store: KeyframeStore, shown_by: int, seen_by: int, but: list[int]) -> float:
-    """Area of the coherent surface of one keyframe that another sees through, without what those of `but`
-    measured there or behind it, m2."""
+def _seen_through_m2(
+    store: KeyframeStore, shown_by: int, seen_by: int, but: list[int], last: list[int]
+) -> float:
+    """Area of the coherent surface of one keyframe that another sees through, m2: without what those of `but`
+    measured there or behind it, and without what has come back or gone again in those of `last`."""
     points, depth_m, known = _samples(store, shown_by)
     is_gone = known & (_behind(store, points, seen_by) > 1)
     for j in but:
         is_gone &= ~(_behind(store, points, j) > -1)
+    for j in last:
+        behind = _behind(store, points, j)
+        is_gone &= ~((np.abs(behind) <= 1) if shown_by < seen_by else (behind > 1))
     patches = cv2.morphologyEx(is_gone.astype(np.uint8), cv2.MORPH_OPEN, _PATCH)
     sample_m2 = (_stride_px(store) / store.camera.fx * depth_m) ** 2
     return float(np.sum(sample_m2[patches > 0]))

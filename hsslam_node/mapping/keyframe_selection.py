@@ -30,7 +30,8 @@ class KeyframeSelection:
     """Decides, for each keyframe that leaves the ring of recent ones, whether it stays or is retired.
 
     A keyframe stays if fewer than `views` kept keyframes show each of more than `new_share` of its cells
-    (`view_cells`). `views` shrinks as memory gets scarce. If memory is full, or if keyframes wait for room
+    (`view_cells`), or if it shows that something was moved (`has_changed`), until six show it. `views`
+    shrinks as memory gets scarce. If memory is full, or if keyframes wait for room
     (`KeyframeRoom.want`), the most redundant of some kept keyframes retire. Keyframe 0, which fixes the
     world, stays. Keyframes that a correction has moved count at their new poses.
 
@@ -73,7 +74,11 @@ class KeyframeSelection:
         for k in pending[:at_once]:
             counted = self._cells_of(store, k)
             stays = k < max(store.inherited, self._judged, 1)
-            if stays or self._is_new(counted.places, len(kept) - retired, most):
+            if (
+                stays
+                or self._is_new(counted.places, len(kept) - retired, most)
+                or _shows_change(store, k, older)
+            ):
                 self._count(k, counted)
             else:
                 retired += self._retire(store, k, older)
@@ -172,6 +177,13 @@ class KeyframeSelection:
         away = view_distance(store.pose(k), store.poses_of(anchors))
         store.retire(k, int(anchors[away.argmin()]))
         return 1
+
+
+def _shows_change(store: KeyframeStore, k: int, older: np.ndarray) -> bool:
+    """Whether something has been moved since the keyframes of `older` [n] before k that are still kept."""
+    earlier = np.array([j for j in older[older < k].tolist() if store.is_kept(j)], np.int64)
+    kept = store.kept()
+    return len(earlier) > 0 and has_changed(store, k, earlier, kept[kept > k])
 
 
 def _unseen(counts: CellCounts, places: np.ndarray) -> float:

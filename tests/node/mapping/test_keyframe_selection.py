@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from hsslam_node.config import KeyframeConfig
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.states import OCCUPIED
+from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.projection import pixel_rays
+from hsslam_node.geometry.se3 import inverse, se3_exp, transformed
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.cell_counts import CellCounts
@@ -16,6 +20,7 @@ from tests.small_room import room_frames, room_poses
 
 CONFIG = KeyframeConfig(recent=4)
 VIEWS = range(0, 40, 4)
+_RADIUS_M = 0.1  # of a ball
 
 
 class Run:
@@ -83,6 +88,62 @@ def test_another_light_and_another_side_are_new():
     for k in VIEWS:
         run.see(room_frames()[k], turned @ room_poses()[k])
     assert len(run.store.kept()) >= before + len(VIEWS) - 4
+
+
+def _with_a_ball(frame: Frame, T: np.ndarray, place_m: np.ndarray) -> Frame:
+    """The frame with a ball of 20 cm at a place [3] m in the world."""
+    v, u = np.indices(frame.depth_raw.shape)
+    rays = pixel_rays(u, v, frame.camera)  # [H, W, 3], per metre of depth
+    centre, length2 = transformed(inverse(T), place_m[None])[0], np.sum(rays**2, axis=-1)
+    along = rays @ centre / length2
+    in_half2 = (
+        along**2 - (centre @ centre - _RADIUS_M**2) / length2
+    )  # half the way through, squared
+    depth_m = np.where(in_half2 > 0, along - np.sqrt(np.maximum(in_half2, 0)), np.inf)
+    shown_m = np.minimum(depth_m, frame.depth_m())
+    return replace(frame, depth_raw=np.round(shown_m * frame.depth_units_per_m).astype(np.uint16))
+
+
+def _ahead(T: np.ndarray, aside_m: float = 0.0) -> np.ndarray:
+    """A place [3] m in the world, 1.2 m in front of a camera."""
+    return transformed(T, np.array([[aside_m, 0.0, 1.2]]))[0]
+
+
+def _states_at(store: KeyframeStore, place_m: np.ndarray) -> np.ndarray:
+    """What the keyframes that are kept say, one after the other, of the 2 x 2 x 2 voxels about a place."""
+    occupancy = Occupancy(VoxelGrid.around(place_m, (2 * VOXEL_M,) * 3, VOXEL_M))
+    for k in store.kept().tolist():
+        frame = store.frame(k)
+        occupancy.observe(frame.depth_m(), frame.camera, store.pose(k))
+    return occupancy.states()
+
+
+def test_of_views_of_a_thing_that_was_brought_enough_stay():
+    run = Run()
+    for _ in range(6):
+        run.go()
+    place_m, known = _ahead(room_poses()[20]), run.store.count
+    for _ in range(6):
+        for k in VIEWS:
+            T = room_poses()[k]
+            run.see(_with_a_ball(room_frames()[k], T, place_m), T)
+    stayed = run.store.kept()[: -CONFIG.recent]
+    assert 6 <= np.sum(stayed >= known) <= 30, stayed
+    front_m = place_m - _RADIUS_M * room_poses()[20][:3, 2]
+    assert OCCUPIED in _states_at(run.store, front_m)
+
+
+def test_what_passes_by_leaves_few_keyframes():
+    """A ball in every other view, each time on the other side from where it was four views before."""
+    run = Run()
+    for _ in range(6):
+        run.go()
+    before = len(run.store.kept())
+    for n, k in enumerate(6 * [*VIEWS]):
+        frame, T = room_frames()[k], room_poses()[k]
+        aside_m = 0.35 if n // 4 % 2 else -0.35
+        run.see(_with_a_ball(frame, T, _ahead(T, aside_m)) if n % 2 else frame, T)
+    assert len(run.store.kept()) <= before + 24  # of 60
 
 
 def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
