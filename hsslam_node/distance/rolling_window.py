@@ -1,6 +1,7 @@
 """What is free and occupied about a camera as it moves: level, over the floor, at corrected poses."""
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,16 @@ _FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
 _MOST_KEYFRAMES = 64  # that a window is marked from anew; 0.3 s
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
+_RECENT_FRAMES = 10  # that are marked anew: one second, and more than clear or mark a voxel; 12 MB
+
+
+class _SeenFrame(NamedTuple):
+    """A frame that was marked, to mark it anew where its keyframe stands then."""
+
+    depth_m: np.ndarray  # [H, W] float32
+    camera: Camera
+    keyframe: int
+    T_keyframe_cam: np.ndarray  # [4, 4]
 
 
 class RollingWindow:
@@ -28,7 +39,8 @@ class RollingWindow:
 
     Frames are marked at the poses that they have when they come. If keyframes that they were tracked from
     have since been moved by half a voxel, or the floor turns out to be elsewhere, the window is marked anew
-    from the newest keyframes that are kept and stand in it. Marks outside the window are forgotten.
+    from the newest keyframes that are kept and stand in it, and then from the newest frames. Marks outside
+    the window are forgotten.
 
     Args:
         store: keyframes, in the world of the poses; one or more when a frame is taken. The window keeps their
@@ -51,6 +63,7 @@ class RollingWindow:
         self._pose_version = -1
         self._marked_version = -1  # of the poses that it was last marked anew at
         self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
+        self._recent: deque[_SeenFrame] = deque(maxlen=_RECENT_FRAMES)
         self.floor: FloorPlane | None = None
         # for people, if gravity or the floor contradicts the level frame
         self.tilt: str | None = None
@@ -85,7 +98,10 @@ class RollingWindow:
             return occupancy
         occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
         if 0 <= keyframe < self._store.count:
-            self._remember(keyframe, self._store.pose(keyframe))
+            T_world_keyframe = self._store.pose(keyframe)
+            self._remember(keyframe, T_world_keyframe)
+            T_keyframe_cam = inverse(T_world_keyframe) @ T_world_cam
+            self._recent.append(_SeenFrame(depth_m.copy(), camera, keyframe, T_keyframe_cam))
         return occupancy
 
     def _look_for_floor(self) -> bool:
@@ -129,7 +145,7 @@ class RollingWindow:
         return surface_shift_m(then, self._store.poses_of(ids)) > _SHIFT * self._voxel_m
 
     def _marked_anew(self, T_world_cam: np.ndarray) -> Occupancy:
-        """A window about a camera, marked from keyframes, the newest last."""
+        """A window about a camera, marked from keyframes and then from recent frames, the newest last."""
         height_m = (0.5 - _BELOW) * self._size_m[2]
         middle = self.T_floor_world @ T_world_cam[:, 3]
         grid = VoxelGrid.around(np.array([*middle[:2], height_m]), self._size_m, self._voxel_m)
@@ -143,6 +159,11 @@ class RollingWindow:
             depth_m, T = keyframes.views[k]
             occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
             self._remember(int(keyframes.ids[k]), T)
+        for frame in self._recent:
+            T_world_keyframe = self._store.pose(frame.keyframe)
+            T = T_world_keyframe @ frame.T_keyframe_cam
+            occupancy.observe(frame.depth_m, frame.camera, T, _stride_px(frame.camera))
+            self._remember(frame.keyframe, T_world_keyframe)
         return occupancy
 
     def _within(self, grid: VoxelGrid, keyframes: MapKeyframes) -> np.ndarray:

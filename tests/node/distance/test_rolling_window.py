@@ -125,6 +125,20 @@ def test_a_correction_moves_what_was_marked(camera):
     assert _at(known, (-0.1, 0, 2.025)) == [UNKNOWN]  # behind the wall of now
 
 
+def test_a_person_who_came_since_the_last_keyframe_is_there_after_a_correction(
+    window, store, camera
+):
+    with_person = wall(2.02)
+    with_person[40:80, 60:100] = 1.22
+    for _ in range(3):
+        known = window.take(with_person, camera, np.eye(4), 0)
+    assert _at(known, (0, 0, 1.225)) == [OCCUPIED]
+    T = _shifted(0.2)
+    store.correct_poses(np.array([0]), T[None])
+    known = window.take(with_person, camera, T, 0, store.pose_version)
+    assert _at(known, (0.2, 0, 1.225), (0.2, 0, 1.0)) == [OCCUPIED, FREE]
+
+
 def test_a_small_correction_leaves_the_marks(window, store, camera):
     known = window.take(wall(2.02), camera, np.eye(4), 0)
     store.correct_poses(np.array([0]), _shifted(0.01)[None])
