@@ -12,6 +12,7 @@ from hsslam_node.dense_map.answers import MapAnswers, RayHits
 from hsslam_node.dense_map.free_space import are_free
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
+from hsslam_node.dense_map.measured_rays import measured_reach
 from hsslam_node.dense_map.measuring import TRUSTED, answers_at
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
 from hsslam_node.dense_map.shapes import Boxes, Shapes, Spheres, finite_rows, rigid_transform
@@ -29,6 +30,7 @@ from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_node.rendering.view_blending import blend_views
 
+_PASSED = 2.0  # voxels: so far behind a measured surface, the field has another one
 _BEYOND_M = 1e9  # farther than any map, and far below overflow
 
 if TYPE_CHECKING:
@@ -111,8 +113,9 @@ class DenseMap:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
         A ray that starts behind a surface must come out before it can hit one. A surface that no keyframe
-        saw, or that keyframes saw through later, is no hit: the ray passes it. A ray that reaches the map
-        after more than 10^9 m hits nothing.
+        saw, or that keyframes saw through later, is no hit: the ray passes it. If a ray passes a surface that
+        keyframes measured and the field lacks, it ends there, to 5 cm. A ray that reaches the map after more
+        than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
@@ -129,9 +132,14 @@ class DenseMap:
             )
         along = along / largest
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        distance_m = self._rays.distances(start, along, max_m, self._seen.may_have_surface)
-        hit = distance_m > 0
-        return RayHits(np.where(hit, distance_m, np.inf), hit)
+        seen = self._seen
+        distance_m = self._rays.distances(start, along, max_m, seen.may_have_surface)
+        distance_m = np.where(distance_m > 0, distance_m, np.inf)
+        nearest_m = np.minimum(distance_m, max_m)
+        measured_m = measured_reach(seen.distances, start, along, nearest_m)
+        is_passed = measured_m < distance_m - _PASSED * seen.grid.voxel_m
+        distance_m = np.where(is_passed, measured_m, distance_m)
+        return RayHits(distance_m, np.isfinite(distance_m))
 
     def is_free(self, shapes: Shapes) -> np.ndarray:
         """Mask [N] of the `Spheres` or `Boxes` whose space keyframes saw everywhere, without a surface in it.

@@ -6,6 +6,8 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 
+_FARTHEST = 1e9  # lengths of a ray: much farther, float64 would not tell a step from none
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -34,6 +36,18 @@ class Bound:
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Mask [N] of the points [N, 3] (m, world) inside the box."""
         return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
+
+    def reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where rays [..., 3] from `origins` [..., 3] m enter and leave the box, [...] in lengths of a ray.
+
+        A ray that misses it, or comes from more than 10^9 lengths away, leaves before it enters.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low = (np.asarray(self.low) - origins) / rays
+            high = (np.asarray(self.high) - origins) / rays
+        first = np.fmin(low, high).max(axis=-1)
+        last = np.fmax(low, high).min(axis=-1)
+        return first, np.where(first < _FARTHEST, last, -np.inf)
 
     def snapped(self, cell_m: float) -> "Bound":
         """The smallest box around this one, about the same centre, whose sides are whole cells."""

@@ -10,7 +10,6 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import pixel_rays
 
 _NEAREST_M = 0.1  # in front of the camera
-_FARTHEST_M = 1e9  # before the bound; much farther, float64 would not tell a step from none
 _SHORTEST_STEP = 0.2  # in truncations; the longest is one
 _MOST_CASTS = 8  # of a ray, each from behind a surface that does not count
 _SPARSE_PX = 4  # between the rays of an image that start at the camera
@@ -49,7 +48,7 @@ class SdfRayCaster:
         v, u = np.mgrid[: shape[0], : shape[1]]
         rays = pixel_rays(u, v, camera) @ T_world_cam[:3, :3].T  # [H, W, 3], per metre of depth
         origins = np.broadcast_to(T_world_cam[:3, 3], rays.shape)
-        near, far = self._reach(origins, rays)  # [H, W]
+        near, far = self._bound.reach(origins, rays)  # [H, W]
         near = np.maximum(near, _NEAREST_M)
         few = np.s_[::_SPARSE_PX, ::_SPARSE_PX]
         sparse = self._march_image(origins[few], rays[few], near[few], far[few])
@@ -73,7 +72,7 @@ class SdfRayCaster:
 
         `counts`: mask [N] of the places [N, 3] m at which a surface counts; a ray passes through others.
         """
-        near, far = self._reach(origins, directions)
+        near, far = self._bound.reach(origins, directions)
         # one step more, as that may end behind a surface
         far = np.minimum(far, most_m + self._truncation_m)
         distance_m = self._first(origins, directions, np.maximum(near, 0.0), far, counts)
@@ -96,15 +95,6 @@ class SdfRayCaster:
             depth[left[real]] = found[real]
             left, z = left[~real], found[~real] + _SHORTEST_STEP * self._truncation_m
         return depth
-
-    def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths [...] at which rays [..., 3] enter and leave the bound; from too far away none enters."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            low = (np.asarray(self._bound.low) - origins) / rays
-            high = (np.asarray(self._bound.high) - origins) / rays
-        first = np.fmin(low, high).max(axis=-1)
-        last = np.fmax(low, high).min(axis=-1)
-        return first, np.where(first < _FARTHEST_M, last, -np.inf)
 
     def _march_image(
         self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray

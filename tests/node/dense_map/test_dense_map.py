@@ -15,7 +15,7 @@ from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
-from hsslam_node.geometry.projection import world_points
+from hsslam_node.geometry.projection import pixel_rays, world_points
 from hsslam_node.map.checkpoint import save_checkpoint
 from tests.node.dense_map.room_map import map_of, room_map
 from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
@@ -189,6 +189,33 @@ def test_a_surface_that_keyframes_saw_through_later_is_gone():
     assert shows_it(there).mean() > 0.9 and shows_it(gone).mean() < 0.3
     balls = Spheres(points[::20], 0.03)
     assert there.is_free(balls).mean() < 0.1 and gone.is_free(balls).mean() > 0.5
+
+
+def test_rays_end_at_a_surface_that_keyframes_measured_and_the_field_lacks():
+    """Six looks of a keyframe find a board 40 cm in front of the middle of its view."""
+    room, k = mapped_room(), 1  # frame 4
+    whole = keyframes_of_store(room.store)
+    board = np.s_[40:80, 55:105]
+
+    def depth_m(_: int) -> np.ndarray:
+        shown_m = whole.depth_m(k).copy()
+        shown_m[board] = shown_m[board].min() - np.float32(0.4)
+        return shown_m
+
+    seen = replace(
+        whole, ids=np.arange(6), stamps_ns=whole.stamps_ns[[k]].repeat(6),
+        T_world_cam=whole.T_world_cam[[k]].repeat(6, axis=0), depth_m=depth_m,
+    )  # fmt: skip
+    T, camera = whole.T_world_cam[k], whole.camera
+    v, u = np.mgrid[45:75:5, 60:100:5].reshape(2, -1)
+    rays = pixel_rays(u, v, camera) * depth_m(0)[v, u, None]
+    directions = rays @ T[:3, :3].T
+    origins = np.broadcast_to(T[:3, 3], directions.shape)
+    length_m = np.linalg.norm(directions, axis=1)
+    ends_m = map_of(seen).raycast(origins, directions).distance_m
+    assert (np.abs(ends_m - length_m) < 0.05).mean() > 0.95
+    ends_m = map_of(whole).raycast(origins, directions).distance_m
+    assert (ends_m > length_m + 0.2).all()
 
 
 def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframes():
