@@ -14,6 +14,7 @@ _SMALLEST_SIDE_PX = 8  # tracking begins with images of an eighth of the size
 _LARGEST_INDEX = 1 << 53  # as in messages: languages that have only doubles hold it exactly
 _LARGEST_STAMP_NS = (1 << 63) - 1
 _MOST_UNITS_PER_M = 1e9
+_NO_DEPTH = 65535  # the largest of 16 bits: nothing was measured, or it is too far for them
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Frame:
     stamp_ns: int  # from 0 on, of 64 bits
     camera: Camera
     color: np.ndarray  # [H, W, 3] uint8, RGB
-    depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement
+    depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement; 65535 becomes 0
     depth_units_per_m: float  # depth in metres = depth_raw / depth_units_per_m
     odometry: OdometryReading | None = None  # of the robot's wheels, at the stamp
     imu: ImuReading | None = None  # integrated up to the stamp
@@ -61,6 +62,7 @@ class Frame:
                 f"frame {self.index}: depth_units_per_m = {units_per_m}: expected more than 0, "
                 f"{_MOST_UNITS_PER_M:g} at most"
             )
+        object.__setattr__(self, "depth_raw", measured_depth(self.depth_raw))
         object.__setattr__(self, "index", int(self.index))
         object.__setattr__(self, "stamp_ns", int(stamp_ns))
         object.__setattr__(self, "depth_units_per_m", float(units_per_m))
@@ -73,6 +75,13 @@ class Frame:
     def depth_m(self) -> np.ndarray:
         """Planar depth, [H, W] float32 m, 0 = no measurement."""
         return self.depth_raw * np.float32(1.0 / self.depth_units_per_m)
+
+
+def measured_depth(depth_raw: np.ndarray) -> np.ndarray:
+    """Raw depth [H, W] uint16 with 0 in place of 65535; the same array if that does not occur."""
+    if not depth_raw.size or depth_raw.max() < _NO_DEPTH:
+        return depth_raw
+    return np.where(depth_raw == _NO_DEPTH, np.uint16(0), depth_raw)
 
 
 def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type, index: int) -> None:

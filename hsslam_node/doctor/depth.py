@@ -37,7 +37,6 @@ def check_coverage(depths_raw: Sequence[np.ndarray]) -> Finding:
 
 _FAULT_BELOW_M, _NOTE_BELOW_M = 0.40, 0.60  # nearest that structured light measures: 0.35 to 0.8 m
 _NOTE_ABOVE_M, _FAULT_ABOVE_M = 5.0, 8.0
-_FULL, _FULL_SHARE = 65535, 0.01
 _DEPTH_RANGE = Check("depth range", "m", "median of 0.6 to 5 m")
 
 
@@ -50,11 +49,6 @@ def check_depth_range(depths_raw: Sequence[np.ndarray], units_per_m: float) -> F
     raw = np.concatenate([v[v > 0] for v in values]) if values else np.zeros(0, np.uint16)
     if raw.size == 0:
         return _DEPTH_RANGE.note(None, "no pixel has depth")
-    full = float((raw == _FULL).mean())
-    if full > _FULL_SHARE:
-        seen = f"{100 * full:.0f} % of the depth pixels hold 65535, the largest of 16 bits"
-        advice = "write 0, not 65535, where nothing was measured; or use fewer units per metre"
-        return _DEPTH_RANGE.fault(_FULL / units_per_m, seen, advice)
     near_m, median_m, far_m = np.percentile(raw, (1, 50, 99)) / units_per_m
     seen = (
         f"depth of {near_m:.2f} to {far_m:.2f} m (1st and 99th percentile), median {median_m:.2f} m"

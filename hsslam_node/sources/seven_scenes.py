@@ -1,14 +1,12 @@
 """Sequences of 7-Scenes: `frame-000000.color.png`, `.depth.png` and `.pose.txt` in one folder."""
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
@@ -16,13 +14,11 @@ from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource, fi
 from hsslam_node.sources.files.name_stamp import numbered_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame, IsLate
 
 RATE_HZ = 30.0  # of a Kinect v1; the layout has no stamps
 _SIZE_PX = (640, 480)
 # Of the depth camera, from the data set's page: those of KinectFusion, which made the poses.
 _DEPTH_CAMERA = {"fx": 585.0, "fy": 585.0, "cx": 320.0, "cy": 240.0, "depth_scale": 1000.0}
-_NO_DEPTH = 65535
 
 
 class SevenScenesSource(ImagePairSource):
@@ -49,14 +45,6 @@ class SevenScenesSource(ImagePairSource):
         fields = _DEPTH_CAMERA | given if is_published else given
         camera, units_per_m = read_record_camera(own, fields, size)
         super().__init__(f"7scenes:{name}", pairs, camera, units_per_m, options)
-
-    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `ImagePairSource`; a depth of 65535, which means no measurement, becomes 0."""
-        for item in super().frames_in_time(first, is_late):
-            if isinstance(item, Frame):
-                depth = np.where(item.depth_raw == _NO_DEPTH, np.uint16(0), item.depth_raw)
-                item = replace(item, depth_raw=depth)
-            yield item
 
 
 def seven_scenes_truth(name: str, options: SourceOptions) -> Truth | None:

@@ -41,8 +41,8 @@ class Frame(Message, frozen=True, kw_only=True):
     or the stamp of the camera's clock.
 
     `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
-    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. A pixel that
-    undistortion cannot fill has the colour of the border, not black, and depth 0.
+    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m; 0 and 65535: no measurement. A pixel
+    that undistortion cannot fill has the colour of the border, not black, and depth 0.
 
     `publisher` is a random number from `2**62` to `2**63 - 1`. A camera draws a new one each time it counts
     from 0, so publisher and index identify a frame. If it is 0, the publisher in the attachment takes its

@@ -74,3 +74,14 @@ def test_images_are_arrays():
     masked = np.ma.masked_array(frame.depth_raw, mask=frame.depth_raw > 0)
     with pytest.raises(UserError, match=r"frame 0: depth_raw is a MaskedArray: expected a plain"):
         replace(frame, depth_raw=masked)
+
+
+def test_65535_means_no_depth_and_the_given_array_stays():
+    frame = room_frames()[0]
+    depth_raw = frame.depth_raw.copy()
+    depth_raw[:8] = 65535
+    given = depth_raw.copy()
+    same = replace(frame, depth_raw=depth_raw)
+    assert not same.depth_raw[:8].any() and (same.depth_raw[8:] == depth_raw[8:]).all()
+    assert (depth_raw == given).all() and same.depth_raw.dtype == np.uint16
+    assert frame.depth_raw is replace(frame).depth_raw

@@ -19,6 +19,7 @@ from hsslam_node.distance.grid_map import grid_map
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.errors import UserError
+from hsslam_node.frame import measured_depth
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.map.store import KeyframeStore
@@ -97,7 +98,7 @@ class _DistancesLoop:
         every_s = _EVERY_S * self._level.now.distances_every
         self._next_s = max(self._next_s + every_s, now_s + every_s / 2)
         try:
-            depth_raw = depth_image(image)
+            depth_raw = measured_depth(depth_image(image))
         except UserError:  # the tracker reports it
             return
         start_s = time.thread_time()

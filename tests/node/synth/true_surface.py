@@ -12,8 +12,10 @@ _NEAR_M = 0.3  # of the points: triangles farther away need no tree
 
 
 def depth_errors_m(frame: Frame, T_world_cam: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Distance from the mesh [N], m, of every 23rd pixel's point; beyond `_NEAR_M` it may be too large."""
-    points = back_projected(frame)[::23] @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    """Distance from the mesh [N], m, of the points of every 23rd pixel, if it has depth; beyond `_NEAR_M` it
+    may be too large."""
+    points = back_projected(frame)[::23]
+    points = points[points[:, 2] > 0] @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     low, high = points.min(0) - _NEAR_M, points.max(0) + _NEAR_M
     is_near = ((vertices > low) & (vertices < high)).all(1)

@@ -60,7 +60,9 @@ def test_depth_lies_on_the_true_mesh(frames, mesh):
 
 def test_every_view_is_textured_and_closed(frames):
     for frame in frames:
-        assert frame.depth_raw.min() > 0.25 * frame.depth_units_per_m
+        measured = frame.depth_raw[frame.depth_raw > 0]
+        assert measured.min() > 0.25 * frame.depth_units_per_m
+        assert measured.size > 0.95 * frame.depth_raw.size  # depth beyond 13.1 m does not fit
         assert frame.color.mean(axis=2).std() > 12
 
 
