@@ -1,6 +1,8 @@
 """Judges an attempt that has ended, by its exit code, its last line of output and its frames."""
 
 import contextlib
+import errno
+import os
 import signal
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +19,13 @@ from hsslam_services.run.summary import read_summary
 
 _STATUS_LINE = "frame "
 _NOT_SAVED = " not saved: "
-_OF_THE_MACHINE = (MORE_SHARED_MEMORY, GPU_IS_FULL)  # in errors that are not the log's
+_SHORT_OF = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EAGAIN)
+_OF_THE_MACHINE = (  # in errors that are not the log's
+    MORE_SHARED_MEMORY,
+    GPU_IS_FULL,
+    "can't start new thread",  # by Python
+    *(os.strerror(number) for number in _SHORT_OF),
+)
 _OF_THE_POSES = ("tracker", "mapper", "global_ba")  # processes that a log's results depend on
 
 
@@ -29,7 +37,7 @@ def judged(
 ) -> tuple[Kind, str]:
     """The kind of outcome of a command that has ended, and one line about why if it failed.
 
-    If the shared memory of the machine or the memory of its GPU is full, the log is not at fault: a crash,
+    If the machine is short of memory, room on a disk, threads or files, the log is not at fault: a crash,
     which is tried again.
 
     `words`: the last line that it printed; `meanings`: text for each exit code.

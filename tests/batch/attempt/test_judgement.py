@@ -60,6 +60,8 @@ def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict,
     [
         (f"/dev/shm/hsslam-1: No space left on device: {MORE_SHARED_MEMORY}", "crash"),
         (f"{GPU_IS_FULL}: expected 20.00 MiB more free, or --device cpu", "crash"),
+        ("zenoh: can't start new thread: expected room for 12 threads", "crash"),
+        ("--out /fleet/run: No space left on device: expected a folder with room", "crash"),
         ("bag: no topic", "bad input"),
     ],
 )
