@@ -65,7 +65,7 @@ def _run(worker: Worker) -> None:
                 out.tell(pose)
             initial.hear()
             if floor is not None:
-                floor.tell_news(out.frames.T_map_world)
+                floor.tell_news(out.frames.T_map_world, out.map_epoch)
 
 
 def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
@@ -135,6 +135,11 @@ class Ros2Out:
             if store
             else self._robot
         )
+
+    @property
+    def map_epoch(self) -> int:
+        """Number of resets of the map so far."""
+        return self._state.map_epoch
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and path and points if they are due."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from hsslam_node.distance.grid_map import CELL_UNKNOWN
 from hsslam_proto import topics
 from hsslam_proto.distance.arrays import T_world_raster, cells_of, slice_m
-from hsslam_proto.distance.messages import Esdf, Raster
+from hsslam_proto.distance.messages import Esdf, Grid, Raster
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.ros2.messages import RosMessages
@@ -16,6 +17,8 @@ _UNKNOWN_M = 1000.0  # as nvblox has it
 
 class FloorOut:
     """Publishes each grid, and distances while a ROS node subscribes to them.
+
+    A reset of the map begins another `map` frame: all cells of the last grid become unknown at once.
 
     `frame`: name of the frame `map`; the grid lies along its axes. `has_ros_stamps`: the source has stamps
     of ROS.
@@ -35,18 +38,25 @@ class FloorOut:
         self._has_ros_stamps = has_ros_stamps
         self._grids = bus.subscribe(topics.GRID, 1, history=True)
         self._slices: Subscription[Esdf] | None = None
+        self._last: Grid | None = None  # since the last reset
+        self._map_epoch: int | None = None
         self._map = node.publisher("map", "nav_msgs/msg/OccupancyGrid", Qos(1, is_latched=True))
         self._distances = node.publisher(
             "static_map_slice", "nvblox_msgs/msg/DistanceMapSlice", Qos(1)
         )
 
-    def tell_news(self, T_map_world: np.ndarray) -> None:
+    def tell_news(self, T_map_world: np.ndarray, map_epoch: int) -> None:
         """Publish the newest grid and distances since the last call; T_map_world [4, 4]: world to `frame`."""
         make = self._messages
+        if map_epoch != self._map_epoch:
+            if self._last is not None:
+                self._put_grid(
+                    self._last, np.full_like(cells_of(self._last), CELL_UNKNOWN), T_map_world
+                )
+            self._last, self._map_epoch = None, map_epoch
         if (grid := self._grids.poll()) is not None:
-            cells, T = cells_of(grid), T_map_world @ T_world_raster(grid)
-            stamp_ns = self._stamp_ns(grid)
-            self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
+            self._last = grid
+            self._put_grid(grid, cells_of(grid), T_map_world)
         if not self._distances.has_subscribers():
             if self._slices is not None:  # computing them costs time
                 self._bus.unsubscribe(self._slices)
@@ -67,6 +77,11 @@ class FloorOut:
                     _UNKNOWN_M,
                 )
             )
+
+    def _put_grid(self, grid: Grid, cells: np.ndarray, T_map_world: np.ndarray) -> None:
+        T, stamp_ns = T_map_world @ T_world_raster(grid), self._stamp_ns(grid)
+        message = self._messages.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells)
+        self._map.put(message)
 
     def _stamp_ns(self, message: Raster) -> int:
         """Time of capture on the clock of ROS."""

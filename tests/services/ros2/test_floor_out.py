@@ -8,6 +8,7 @@ from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.node import RosNode
 from tests.services.ros2.ros_listener import RosListener
+from tests.services.wire_samples import grid
 from tests.until import until
 
 
@@ -22,7 +23,7 @@ def test_slices_are_asked_for_while_a_node_subscribes_to_them(endpoint):
         out = FloorOut(bus, node, messages, "map", has_ros_stamps=False)
 
         def is_asked() -> bool:
-            out.tell_news(np.eye(4))
+            out.tell_news(np.eye(4), 0)
             return slices.has_subscribers()
 
         assert not is_asked()
@@ -33,3 +34,31 @@ def test_slices_are_asked_for_while_a_node_subscribes_to_them(endpoint):
         listener.close()
         until(lambda: not is_asked(), 60)
         assert bus.subscriptions == before  # each heartbeat reads their counters
+
+
+def test_after_a_reset_nothing_is_known_until_the_first_grid_of_the_new_map(endpoint):
+    messages = RosMessages("test")
+    with (
+        Bus(endpoint, "r", "distances") as run,
+        Bus(endpoint, "r", "ros2_out") as bus,
+        RosNode(endpoint, 0, "/hsslam", "slam", messages) as node,
+    ):
+        grids = run.publisher(topics.GRID)
+        out = FloorOut(bus, node, messages, "map", has_ros_stamps=False)
+        listener = RosListener(endpoint)
+        listener.hear("/hsslam/map")
+
+        def known(map_epoch: int) -> list[bool]:
+            """Whether cells are known in each grid that was heard."""
+            out.tell_news(np.eye(4), map_epoch)
+            return [bool((m.by_rosbags.data >= 0).any()) for m in listener.heard("/hsslam/map")]
+
+        out.tell_news(np.eye(4), 0)
+        grids.put(grid(0))
+        until(lambda: known(0) == [True], 60)
+        until(lambda: known(1) == [True, False], 60)
+        size = [(m.by_rosbags.info.width, m.by_rosbags.info.height) for m in listener.heard()]
+        assert size[0] == size[1]
+        grids.put(grid(1))
+        until(lambda: known(1) == [True, False, True], 60)
+        listener.close()
