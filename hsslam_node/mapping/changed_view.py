@@ -14,7 +14,7 @@ _CHANGED_M2 = 0.015  # of surface; the same frames once more: less
 _PATCH = np.ones((3, 3), np.uint8)  # samples that must all be seen through: edges are narrower
 _NEAR, _NEAR_M = 1.5, 0.6  # a recent view is at most first x the nearest's distance + second away
 _SHARED = 0.5  # of the samples, which it must have in view
-_ENOUGH = 6  # views that agree on a change; the evidence of `distance/occupancy.py` needs as many
+ENOUGH_VIEWS = 6  # that agree on a change; the evidence of `distance/occupancy.py` needs as many
 
 
 def has_changed(
@@ -25,17 +25,20 @@ def has_changed(
 
     Three of them answer: of the near views the newest and the sixth newest, so that a change counts until six
     views show it; and the nearest, for what the sixth did not measure. A change does not count if it is
-    undone in the newest view of the place among `later` [m]: a person who walks by changes nothing.
+    undone in the newest near view among `later` [m]: a person who walks by changes nothing.
 
     Raises:
         RetiredKeyframeError: one of them is not kept.
     """
-    away = view_distance(store.pose(k), store.poses_of(earlier))
-    nearest = int(earlier[away.argmin()])
-    recent = _recent_views(store, k, earlier[away <= _NEAR * away.min() + _NEAR_M], _ENOUGH)
-    newer = [j for j in recent[_ENOUGH - 1 :] if j > nearest]
+    T_world_cam = store.pose(k)
+    away = view_distance(T_world_cam, store.poses_of(earlier))
+    nearest, near = int(earlier[away.argmin()]), _NEAR * away.min() + _NEAR_M
+    recent = recent_views(store, k, earlier[away <= near], ENOUGH_VIEWS)
+    newer = [j for j in recent[ENOUGH_VIEWS - 1 :] if j > nearest]
     asked = {nearest: newer} | {j: [] for j in (*recent[:1], *recent[-1:])}
-    last = [] if later is None else _recent_views(store, k, later, 1)
+    if later is not None:
+        later = later[view_distance(T_world_cam, store.poses_of(later)) <= near]
+    last = [] if later is None else recent_views(store, k, later, 1)
     return any(
         _seen_through_m2(store, shown_by, seen_by, but, last) >= _CHANGED_M2
         for j, but in asked.items()
@@ -43,7 +46,7 @@ def has_changed(
     )
 
 
-def _recent_views(store: KeyframeStore, k: int, near: np.ndarray, most: int) -> list[int]:
+def recent_views(store: KeyframeStore, k: int, near: np.ndarray, most: int) -> list[int]:
     """Up to `most` of the keyframes `near` that have half of the samples of k in view, the newest first."""
     points, _, known = _samples(store, k)
     recent: list[int] = []

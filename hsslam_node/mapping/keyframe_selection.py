@@ -8,7 +8,7 @@ from hsslam_node.config.mapping import KeyframeConfig
 from hsslam_node.geometry.view_distance import surface_shifts_m, view_distance
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.cell_counts import CellCounts
-from hsslam_node.mapping.changed_view import has_changed
+from hsslam_node.mapping.changed_view import ENOUGH_VIEWS, has_changed, recent_views
 from hsslam_node.mapping.view_cells import CELL_M, view_cells
 
 _SCARCE = 0.7  # of the capacity: above it fewer keyframes stay
@@ -16,6 +16,8 @@ _FULL = 0.95  # of the capacity: above it the fewest stay
 _COMPARED = 64  # kept keyframes that are compared to choose one that retires
 _AT_A_TIME = 16  # keyframes whose cells are computed in one call, 2 ms each
 _MOVED_AT_A_TIME = 8  # the same for keyframes that a correction moved
+_ONE_PLACE = 1.0  # m, or radians, between views of one place
+_MOST_OF_CHANGE = 2 * ENOUGH_VIEWS  # of one place that stay only for a change: before and after
 _NEW_AT_THE_END = 0.02  # a keyframe stays if no other shows a larger share of its cells
 
 
@@ -30,10 +32,11 @@ class KeyframeSelection:
     """Decides, for each keyframe that leaves the ring of recent ones, whether it stays or is retired.
 
     A keyframe stays if fewer than `views` kept keyframes show each of more than `new_share` of its cells
-    (`view_cells`), or if it shows that something was moved (`has_changed`), until six show it. `views`
-    shrinks as memory gets scarce. If memory is full, or if keyframes wait for room
-    (`KeyframeRoom.want`), the most redundant of some kept keyframes retire. Keyframe 0, which fixes the
-    world, stays. Keyframes that a correction has moved count at their new poses.
+    (`view_cells`), or if it shows that something was moved (`has_changed`), until six show it. Of the views
+    of one place that stay only for this, the oldest retires from twelve on. `views` shrinks as memory gets
+    scarce. If memory is full, or if keyframes wait for room (`KeyframeRoom.want`), the most redundant of some
+    kept keyframes retire. Keyframe 0, which fixes the world, stays. Keyframes that a correction has moved
+    count at their new poses.
 
     `judges_all`: judge also the keyframes that left the ring before the first call. Otherwise these stay, as
     an earlier selection has judged them.
@@ -47,6 +50,7 @@ class KeyframeSelection:
         self._counts = CellCounts()
         self._counted: dict[int, _Counted] = {}
         self._judged = 0 if judges_all else None  # first keyframes, which all stay; None: unknown
+        self._of_change: list[int] = []  # keyframes that stay only for a change, the oldest first
         self._moved: list[int] = []  # keyframes that are counted at an old pose
         self._pose_version = 0  # of the store, for `_moved`
         self._next = 0  # index of the next kept keyframe to compare
@@ -74,12 +78,12 @@ class KeyframeSelection:
         for k in pending[:at_once]:
             counted = self._cells_of(store, k)
             stays = k < max(store.inherited, self._judged, 1)
-            if (
-                stays
-                or self._is_new(counted.places, len(kept) - retired, most)
-                or _shows_change(store, k, older)
-            ):
+            if stays or self._is_new(counted.places, len(kept) - retired, most):
                 self._count(k, counted)
+            elif _shows_change(store, k):
+                self._count(k, counted)
+                self._of_change.append(k)
+                retired += self._retire_superseded(store, k, older)
             else:
                 retired += self._retire(store, k, older)
         while len(kept) - retired > most - spare and len(self._counted) > 1:
@@ -164,6 +168,15 @@ class KeyframeSelection:
         own = [float(np.mean(1.0 / np.maximum(counts, 1))) for counts in shown]
         return ids[int(np.argmin(own))]
 
+    def _retire_superseded(self, store: KeyframeStore, k: int, older: np.ndarray) -> int:
+        """Retire the oldest view of what keyframe k shows that stays only for a change, if there are many: at
+        a door that opens and closes, newer ones show both. Returns how many retired."""
+        self._of_change = [j for j in self._of_change if store.is_kept(j)]
+        ids = np.array(self._of_change, np.int64)
+        near = ids[view_distance(store.pose(k), store.poses_of(ids)) <= _ONE_PLACE]
+        same = recent_views(store, k, near, _MOST_OF_CHANGE + 1)
+        return self._retire(store, same[-1], older) if len(same) > _MOST_OF_CHANGE else 0
+
     def _retire(self, store: KeyframeStore, k: int, older: np.ndarray) -> int:
         """Retire keyframe k, anchored to the nearest that stays; return 1, or 0 if no other stays."""
         counted = self._counted.pop(k, None)
@@ -179,10 +192,10 @@ class KeyframeSelection:
         return 1
 
 
-def _shows_change(store: KeyframeStore, k: int, older: np.ndarray) -> bool:
-    """Whether something has been moved since the keyframes of `older` [n] before k that are still kept."""
-    earlier = np.array([j for j in older[older < k].tolist() if store.is_kept(j)], np.int64)
+def _shows_change(store: KeyframeStore, k: int) -> bool:
+    """Whether something has been moved since the keyframes before k that are kept."""
     kept = store.kept()
+    earlier = kept[kept < k]
     return len(earlier) > 0 and has_changed(store, k, earlier, kept[kept > k])
 
 

@@ -57,3 +57,25 @@ def test_what_the_newest_views_do_not_see_an_older_one_decides():
     store = _store((*none, -0.9), *newest, (*box, -0.95))
     assert not has_changed(store, 7, np.arange(1, 7))
     assert has_changed(store, 7, np.arange(7))
+
+
+def test_later_views_of_other_places_are_not_looked_at(monkeypatch):
+    box, none = (0.8, 2.0), (0.0, 2.0)
+    store = _store((*none, 0.0), (*box, 0.05), *[(*none, 5.0 + k) for k in range(40)])
+    looked, pixels = [], store.pixels
+
+    def counted(k: int) -> tuple[np.ndarray, np.ndarray]:
+        looked.append(k)
+        return pixels(k)
+
+    monkeypatch.setattr(store, "pixels", counted)
+    assert has_changed(store, 1, np.array([0]), np.arange(2, 42))
+    assert set(looked) == {0, 1}
+
+
+def test_a_change_that_the_next_view_undoes_is_none():
+    box, none = (0.8, 2.0), (0.0, 2.0)
+    store = _store((*none, 0.0), (*box, 0.05), (*none, 0.0), (*box, 0.0))
+    assert not has_changed(store, 1, np.array([0]), np.array([2]))
+    assert has_changed(store, 1, np.array([0]), np.array([2, 3]))
+    assert not has_changed(store, 2, np.array([1]), np.array([3]))  # back again

@@ -146,6 +146,22 @@ def test_what_passes_by_leaves_few_keyframes():
     assert len(run.store.kept()) <= before + 24  # of 60
 
 
+def test_a_door_that_opens_and_closes_leaves_no_more_keyframes_each_time():
+    """A ball that is there and gone in turns; at the end it is there."""
+    run, place_m, kept = Run(capacity=512), _ahead(room_poses()[20]), []
+    for turn in range(12):
+        for _ in range(2):
+            for k in VIEWS:
+                T = room_poses()[k]
+                is_there = turn % 2 == 1
+                frame = room_frames()[k]
+                run.see(_with_a_ball(frame, T, place_m) if is_there else frame, T)
+        kept.append(len(run.store.kept()))
+    assert kept[11] <= kept[5] + 4, kept
+    front_m = place_m - _RADIUS_M * room_poses()[20][:3, 2]
+    assert OCCUPIED in _states_at(run.store, front_m)
+
+
 def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
     run = Run(capacity=12)
     for _ in range(5):
