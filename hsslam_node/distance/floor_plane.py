@@ -27,7 +27,7 @@ _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
 _FEWEST = 300  # points of a floor
 _FLOOR_SHARE = 0.03  # of all points
 _BELOW_M = 0.15  # the cameras
-_TILT_DEG = 3.0  # floors and gravity that are found are less than this off
+_TILT_DEG = 1.5  # floors and gravity that are found are less than this off
 
 
 @dataclass(frozen=True)

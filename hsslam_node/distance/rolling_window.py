@@ -18,6 +18,7 @@ from hsslam_node.presets import REALTIME
 SIZE_M = (10.0, 10.0, 2.5)
 _BELOW = 0.05  # of the height, below the floor
 _WIDTH_PX = 320  # of the pixels looked at, at least
+_STOREY_M = 2.5  # between floors, at least
 _FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
 _MOST_KEYFRAMES = 64  # that a window is marked from anew; 0.3 s
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
@@ -30,6 +31,7 @@ class _SeenFrame(NamedTuple):
 
     depth_m: np.ndarray  # [H, W] float32
     camera: Camera
+    next_keyframe: int  # id of the first keyframe that came later
     keyframe: int
     T_keyframe_cam: np.ndarray  # [4, 4]
 
@@ -39,8 +41,8 @@ class RollingWindow:
 
     Frames are marked at the poses that they have when they come. If keyframes that they were tracked from
     have since been moved by half a voxel, or the floor turns out to be elsewhere, the window is marked anew
-    from the newest keyframes that are kept and stand in it, and then from the newest frames. Marks outside
-    the window are forgotten.
+    from the newest keyframes that are kept and stand in it, and from the newest frames, in the order in which
+    they came. Marks outside the window are forgotten.
 
     Args:
         store: keyframes, in the world of the poses; one or more when a frame is taken. The window keeps their
@@ -60,6 +62,7 @@ class RollingWindow:
         self._store = store
         self._size_m, self._voxel_m, self._max_depth_m = size_m, voxel_m, max_depth_m
         self._looked_at = 0  # keyframes that there were when the floor was last looked for
+        self._looked_from_m = 0.0  # height of the camera over the floor then
         self._pose_version = -1
         self._marked_version = -1  # of the poses that it was last marked anew at
         self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
@@ -88,7 +91,7 @@ class RollingWindow:
             keyframe: id of the one that the frame was tracked from; below 0: none.
             pose_version: of the store when the frame was tracked; None: now.
         """
-        has_new_floor = self._look_for_floor()
+        has_new_floor = self._look_for_floor(T_world_cam)
         occupancy = self.occupancy
         if occupancy is None or has_new_floor or self._keyframes_moved():
             occupancy = self._marked_anew(T_world_cam)
@@ -98,24 +101,39 @@ class RollingWindow:
             return occupancy
         occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
         if 0 <= keyframe < self._store.count:
-            T_world_keyframe = self._store.pose(keyframe)
+            T_world_keyframe, version = self._store.pose_at(keyframe)
             self._remember(keyframe, T_world_keyframe)
-            T_keyframe_cam = inverse(T_world_keyframe) @ T_world_cam
-            self._recent.append(_SeenFrame(depth_m.copy(), camera, keyframe, T_keyframe_cam))
+            if pose_version in (None, version):  # no correction came between
+                seen = _SeenFrame(
+                    depth_m.copy(), camera, self._store.count, keyframe,
+                    inverse(T_world_keyframe) @ T_world_cam,
+                )  # fmt: skip
+                self._recent.append(seen)
         return occupancy
 
-    def _look_for_floor(self) -> bool:
-        """Look for it each time the keyframes have doubled; whether it is elsewhere than before."""
+    def _look_for_floor(self, T_world_cam: np.ndarray) -> bool:
+        """Look for it each time the keyframes have doubled, and if the camera is on another storey; whether
+        it is elsewhere than before."""
         count, world = self._store.count, self._store.world_frame
         gravity, level = world.gravity, world.T_level_world
         is_new = gravity is not None and level is None
         is_new &= self.floor is not None and self.floor.source != "gravity"
-        if self.floor is not None and count < 2 * self._looked_at and not is_new:
+        height_m = self._height_m(T_world_cam)
+        is_on_another = self.floor is not None and not -_BELOW < height_m / self._size_m[2] < 1
+        is_on_another &= abs(height_m - self._looked_from_m) > _STOREY_M / 2  # looked there already
+        is_due = self.floor is None or count >= 2 * self._looked_at or is_new
+        if not (is_due or is_on_another):
             return False
-        self._looked_at = count
+        self._looked_at, self._looked_from_m = count, height_m
         keyframes = keyframes_of_store(self._store)
-        chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
-        views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
+        here = np.arange(len(keyframes))
+        if self.floor is not None:  # else nothing is known of storeys
+            places = transformed(self.T_floor_world, keyframes.T_world_cam[:, :3, 3])
+            here = here[np.abs(places[:, 2] - height_m) < _STOREY_M / 2]
+        if not len(here):
+            return False
+        chosen = here[np.linspace(0, len(here) - 1, min(len(here), _FLOOR_VIEWS)).astype(int)]
+        views = [keyframes.views[k] for k in chosen.tolist()]
         found = floor_by(gravity, views, keyframes.camera, level, self._max_depth_m)
         if level is not None and self.tilt is None:
             seen = floor_by(gravity, views, keyframes.camera, max_depth_m=self._max_depth_m)
@@ -127,7 +145,12 @@ class RollingWindow:
             is_there = surface_shift_m(poses[:1], poses[1:]) <= self._voxel_m
             if is_there and found.source == before.source:
                 self.floor = before
+        self._looked_from_m = self._height_m(T_world_cam)
         return self.floor is not before
+
+    def _height_m(self, T_world_cam: np.ndarray) -> float:
+        """Height of a camera over the floor."""
+        return float((self.T_floor_world @ T_world_cam[:, 3])[2])
 
     @property
     def T_floor_world(self) -> np.ndarray:
@@ -145,7 +168,7 @@ class RollingWindow:
         return surface_shift_m(then, self._store.poses_of(ids)) > _SHIFT * self._voxel_m
 
     def _marked_anew(self, T_world_cam: np.ndarray) -> Occupancy:
-        """A window about a camera, marked from keyframes and then from recent frames, the newest last."""
+        """A window about a camera, marked from keyframes and recent frames, the newest last."""
         height_m = (0.5 - _BELOW) * self._size_m[2]
         middle = self.T_floor_world @ T_world_cam[:, 3]
         grid = VoxelGrid.around(np.array([*middle[:2], height_m]), self._size_m, self._voxel_m)
@@ -154,23 +177,30 @@ class RollingWindow:
         )
         self._marked_at.clear()
         self._pose_version = self._marked_version = self._store.pose_version
-        keyframes = keyframes_of_store(self._store)
+        keyframes, recent = keyframes_of_store(self._store), deque(self._recent)
         for k in self._within(grid, keyframes)[-_MOST_KEYFRAMES:].tolist():
+            while recent and recent[0].next_keyframe <= keyframes.ids[k]:
+                self._mark(recent.popleft(), occupancy)
             depth_m, T = keyframes.views[k]
             occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
             self._remember(int(keyframes.ids[k]), T)
-        for frame in self._recent:
-            T_world_keyframe = self._store.pose(frame.keyframe)
-            T = T_world_keyframe @ frame.T_keyframe_cam
-            occupancy.observe(frame.depth_m, frame.camera, T, _stride_px(frame.camera))
-            self._remember(frame.keyframe, T_world_keyframe)
+        for frame in recent:
+            self._mark(frame, occupancy)
         return occupancy
 
+    def _mark(self, frame: _SeenFrame, occupancy: Occupancy) -> None:
+        """Mark a recent frame where its keyframe stands now."""
+        T_world_keyframe = self._store.pose(frame.keyframe)
+        T = T_world_keyframe @ frame.T_keyframe_cam
+        occupancy.observe(frame.depth_m, frame.camera, T, _stride_px(frame.camera))
+        self._remember(frame.keyframe, T_world_keyframe)
+
     def _within(self, grid: VoxelGrid, keyframes: MapKeyframes) -> np.ndarray:
-        """Numbers [n] of the keyframes that stand over or under a grid."""
+        """Numbers [n] of the keyframes that stand in a grid, or up to a metre over or under it."""
         T = self.T_floor_world
         places = transformed(T, keyframes.T_world_cam[:, :3, 3])
-        inside = (places[:, :2] >= grid.low[:2]) & (places[:, :2] <= grid.high[:2])
+        aside_m = np.array([0.0, 0.0, 1.0])
+        inside = (places >= grid.low - aside_m) & (places <= grid.high + aside_m)
         return np.flatnonzero(inside.all(axis=1))
 
     def _middle(self, T_world_cam: np.ndarray) -> np.ndarray:

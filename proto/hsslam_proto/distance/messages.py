@@ -82,11 +82,12 @@ class EsdfBlocks(Message, frozen=True, kw_only=True):
     `blocks` [B, 3] int32 (x, y, z): block b begins at voxel 16 * b of a lattice. The lowest corner of its
     voxel (0, 0, 0) lies at `t` in the world; `q` rotates its axes into the world, z is up.
     `distance_mm` [B, 16, 16, 16] int16 mm, x fastest, then y: signed, negative behind a surface, at most
-    2000, at the voxels' middles; -32768: unknown. A block replaces its earlier version; it is sent again if a
-    distance has changed by more than 5 mm. `first` and `voxels` are the first voxel and the size of the box:
-    blocks that lie wholly outside are gone. `series` grows when the lattice changes: blocks of earlier series
-    are gone. The answer to a `get` on the key is all current blocks, measured within the last second or at
-    the next update; there is no answer if no update comes for a second.
+    2000, at the voxels' middles; -32768: unknown. For interpolation, unknown voxels that touch a known one
+    have a distance too. Surfaces outside the box are not known. A block replaces its earlier version; it is
+    sent again if a distance has changed by more than 5 mm. `first` and `voxels` are the first voxel and the
+    size of the box: blocks that lie wholly outside are gone. `series` grows when the lattice changes: blocks
+    of earlier series are gone. The answer to a `get` on the key is all current blocks, measured within the
+    last second or at the next update; there is no answer if no update comes for a second.
     """
 
     index: Index

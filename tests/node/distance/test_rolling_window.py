@@ -1,5 +1,7 @@
 """A window that follows a camera, in front of walls and in the small built-in room."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -137,6 +139,54 @@ def test_a_person_who_came_since_the_last_keyframe_is_there_after_a_correction(
     store.correct_poses(np.array([0]), T[None])
     known = window.take(with_person, camera, T, 0, store.pose_version)
     assert _at(known, (0.2, 0, 1.225), (0.2, 0, 1.0)) == [OCCUPIED, FREE]
+
+
+def test_a_person_whom_newer_keyframes_do_not_see_is_gone_after_a_correction(window, store, camera):
+    with_person = wall(2.02)
+    with_person[40:80, 60:100] = 1.22
+    for _ in range(3):
+        window.take(with_person, camera, np.eye(4), 0)
+    for _ in range(6):  # while no frame came, as of a fragment that joins
+        _append(store, wall(2.02), np.eye(4))
+    T = _shifted(0.2)
+    store.correct_poses(np.arange(7), np.stack([T] * 7))
+    known = window.take(wall(0.0), camera, T, 6, store.pose_version)
+    assert _at(known, (0.2, 0, 1.225), (0.2, 0, 2.025)) == [FREE, OCCUPIED]
+
+
+def test_a_frame_that_a_correction_overtakes_is_not_marked_anew(window, store, camera, monkeypatch):
+    known = window.take(wall(2.02), camera, np.eye(4), 0, store.pose_version)
+    observe = Occupancy.observe
+
+    def corrected_meanwhile(self: Occupancy, *args: Any) -> None:
+        observe(self, *args)
+        monkeypatch.undo()
+        store.correct_poses(np.array([0]), _shifted(0.2)[None])
+
+    monkeypatch.setattr(Occupancy, "observe", corrected_meanwhile)
+    window.take(wall(1.0), camera, np.eye(4), 0, store.pose_version)
+    known = window.take(wall(2.02), camera, _shifted(0.2), 0, store.pose_version)
+    assert _at(known, (0.2, 0, 1.025), (0.2, 0, 2.025)) == [FREE, OCCUPIED]
+
+
+def test_on_another_storey_the_box_is_on_its_floor(window, store, camera):
+    def at(storey: int) -> np.ndarray:
+        T = np.eye(4)
+        T[1, 3] = -3.0 * storey  # y is down
+        return T
+
+    for _ in range(20):  # so that a new keyframe is no reason to look for the floor
+        _append(store, wall(2.02), at(0))
+    window.take(wall(2.02), camera, at(0), 0)
+    ids = {0: 0} | {n: _append(store, wall(2.02), at(n)) for n in (1, 2)}
+    for storey in (1, 2, 1, 0):
+        known = window.take(wall(2.02), camera, at(storey), ids[storey])
+        y = -3.0 * storey
+        assert _at(known, (0, y, 2.025), (0, y, 1.0)) == [OCCUPIED, FREE], storey
+        others = [(0, -3.0 * other, 2.025) for other in {0, 1, 2} - {storey}]
+        T = known.T_grid_world
+        places = np.array(others) @ T[:3, :3].T + T[:3, 3]
+        assert not known.grid.holds(known.grid.indices(places)).any()
 
 
 def test_a_small_correction_leaves_the_marks(window, store, camera):

@@ -1,6 +1,7 @@
 """Floor, free and occupied space of a saved map; `hsslam-map grid` and `esdf` share it."""
 
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,10 @@ def floor_and_space(
         given = level_frame(base_T_camera, in_ros=False)
         level = known.T_level_world if given is None else given
         floor = floor_by(known.gravity, views, camera, level, saved.max_depth_m)
+        if level is not None:
+            seen = floor_by(known.gravity, views, camera, max_depth_m=saved.max_depth_m)
+            if tilt := floor.tilt_against(seen):
+                print(f"warning: {tilt}, or --up here", file=sys.stderr)
     try:
         return floor, whole_map(views, camera, floor, voxel_m, far_m, saved.max_depth_m)
     except GridSizeError as error:
