@@ -38,7 +38,8 @@ FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
 
 @dataclass(frozen=True)
 class JoinedMap:
-    """The merged map, in the world of the first; the keyframes of the second come last."""
+    """The merged map, in the world of the first; the keyframes of the second come last, those that show only
+    what the first shows retired."""
 
     config: SlamConfig
     store: KeyframeStore
@@ -67,8 +68,9 @@ def merge_maps(
     device: Device = CPU,
     track: Track = silently,
 ) -> JoinedMap:
-    """Find where the maps of two files meet, solve for all keyframes, and fit the field of the first to them.
-    Each may be of a fragment (`fragment_map`).
+    """Find where the maps of two files meet, solve for all keyframes, retire those of the second that show
+    only what the first shows, and fit the field of the first to the others. Each may be of a fragment
+    (`fragment_map`).
 
     The configuration is preset `realtime`, but with the field and the sampling of the first map, and with the
     smaller of both maps' limits of depth.
@@ -102,9 +104,12 @@ def merge_maps(
     places = _expect_places(first, second, meetings)
     store.correct_poses(np.arange(len(solved)), solved)
     first_iterations = 0 if saved.is_fitted else config.mapper.first_iterations
-    new = count if saved.is_fitted else seam + count
+    mapper = Mapper(config, parameters, seed, device)
+    while mapper.select_last(store):
+        pass
+    new = len(store.kept()) - (seam if saved.is_fitted else 0)
     iterations = first_iterations + config.mapper.iterations * new
-    _refit(store, parameters, iterations, config, seed, device, track)
+    _refit(mapper, store, iterations, track)
     parts = (
         Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
         Trajectory(other.keyframe_stamps_ns, poses),
@@ -123,17 +128,8 @@ def _max_depth_m(*maps: MapCheckpoint) -> float:
     return min(limits, default=REALTIME.mapper.max_depth_m)
 
 
-def _refit(
-    store: KeyframeStore,
-    parameters: FieldParameters,
-    iterations: int,
-    config: SlamConfig,
-    seed: int,
-    device: Device,
-    track: Track,
-) -> None:
+def _refit(mapper: Mapper, store: KeyframeStore, iterations: int, track: Track) -> None:
     """Fit the map: this many iterations, then a run's last iterations."""
-    mapper = Mapper(config, parameters, seed, device)
     mapper.grow_bound(store)
     iterations += mapper.last_iterations(store)
     for _ in track(range(iterations), description="map"):

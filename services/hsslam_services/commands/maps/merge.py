@@ -34,9 +34,10 @@ class MergeOptions:
       hsslam-map merge runs/monday runs/tuesday --out runs/both
 
     The command finds keyframes of both runs that show the same place. If three or more places agree on the
-    transform between the runs, and their images agree in detail, it optimises all keyframes and fits the
-    map to them. Otherwise it writes nothing. Both runs must have the same camera. If the place has changed,
-    the map shows the later run: the one with later stamps, or the second if the stamps overlap.
+    transform between the runs, and their images agree in detail, it optimises all keyframes. It keeps those
+    of the second run that show what the first did not, and fits the map. Otherwise it writes nothing. Both
+    runs must have the same camera. If the place has changed, the map shows the later run: the one with later
+    stamps, or the second if the stamps overlap.
 
     The output folder is like that of a run: map.safetensors, mesh.ply, keyframes.txt, trajectory.txt,
     summary.json. Its coordinate frame is that of the first run. trajectory.first.txt and
@@ -117,14 +118,15 @@ def _summary(found: JoinedMap) -> str:
     turned_deg = np.rad2deg(np.linalg.norm(so3_log(T[:3, :3])))
     counts = " and ".join(str(len(part)) for part in found.parts)
     return (
-        f"{counts} keyframes, its world lies {np.linalg.norm(T[:3, 3]):.2f} m and "
-        f"{turned_deg:.1f} degrees off"
+        f"{counts} keyframes, {len(found.store.kept())} kept, its world lies "
+        f"{np.linalg.norm(T[:3, 3]):.2f} m and {turned_deg:.1f} degrees off"
     )
 
 
 def _section(options: MergeOptions, found: JoinedMap) -> dict[str, Any]:
     return {
         "keyframes": found.store.count,
+        "keyframes_kept": len(found.store.kept()),
         "merged": {
             "runs": [options.first, options.second],
             "keyframes": [len(part) for part in found.parts],

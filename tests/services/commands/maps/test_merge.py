@@ -65,6 +65,20 @@ def test_two_sessions_become_one_run(runs, tmp_path, capsys):
     assert summary["merged"]["places"] >= 3 and summary["merged"]["keyframes"] == [8, 8]
 
 
+def test_of_a_second_look_at_the_same_place_one_keyframe_stays(runs, tmp_path):
+    saved_session(tmp_path / "again", FIRST)
+    out = tmp_path / "both"
+    arguments = ["merge", str(runs / "first"), str(tmp_path / "again"), "-o", str(out)]
+    assert main([*arguments, "--device", "cpu"]) == 0
+    assert json.loads((out / "summary.json").read_text())["keyframes_kept"] == 9
+    assert len(SavedMap.open(out / "map.safetensors", "cpu").keyframes) == 9
+    second = read_tum(out / "trajectory.second.txt")
+    first = read_tum(out / "trajectory.first.txt")
+    for T, same in zip(second.T_world_cam, first.T_world_cam, strict=True):
+        off_m, off_deg = pose_error(T, same)
+        assert off_m < 0.01 and off_deg < 0.3
+
+
 def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys):
     first, mirrored = runs / "first", runs / "mirrored"
     assert main(["merge", str(first), str(mirrored), "-o", str(tmp_path / "out")]) == 2
