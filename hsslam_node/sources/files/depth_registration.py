@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hsslam_node.frame import measured_depth
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.undistortion import Undistortion, resampled_depth
 
@@ -72,7 +73,7 @@ class DepthRegistration:
         Raises:
             UserError: the image has another size than the depth camera.
         """
-        image = self._undistortion.depth(image)
+        image = self._undistortion.depth(measured_depth(image))
         coarse = cv2.registerDepth(
             self._K_depth, self._K_coarse, np.zeros(4), self._T_color_depth, image, self._coarse_size,
             depthDilation=True,

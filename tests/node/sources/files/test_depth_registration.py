@@ -133,3 +133,10 @@ def test_depth_of_the_wrong_size_is_an_error():
     registration = DepthRegistration(DEPTH, COLOR, inverse(T_COLOR_DEPTH), _UNITS_PER_M)
     with pytest.raises(UserError, match=r"depth has 80 x 60 px: expected 160 x 120 px"):
         registration.registered(np.zeros((60, 80), np.uint16))
+
+
+def test_65535_is_no_depth_in_the_depth_camera_either():
+    turned = transform(np.zeros(3), Rotation.from_euler("y", 1.0, degrees=True).as_quat())
+    registration = DepthRegistration(DEPTH, COLOR, turned, _UNITS_PER_M)
+    nothing = np.full((DEPTH.height_px, DEPTH.width_px), 65535, np.uint16)
+    assert not registration.registered(nothing).any()
