@@ -7,6 +7,10 @@ MORE_SHARED_MEMORY = "expected more shared memory (docker: --shm-size)"
 """In each error about a full /dev/shm; a batch, whose runs are other processes, recognises them by it."""
 GPU_IS_FULL = "GPU memory is full"
 """In each error about the memory of a GPU, likewise."""
+OUT_OF_MEMORY = "out of memory"
+"""In each error about the main memory, likewise."""
+TOO_FEW_FILES = "ulimit -n"
+"""In each error about open files, likewise."""
 _LONGEST_TEXT = 300
 
 

@@ -32,6 +32,16 @@ def test_aws_accepts_definition_and_job():
         report = ParamValidator().validate(file, model.operation_model(name).input_shape)
         assert not report.has_errors(), report.generate_report()
     assert files[1]["jobDefinition"] == files[0]["jobDefinitionName"]
+    shell, _, script = files[0]["containerProperties"]["command"]
+    assert shell == "sh"
+    _expect_work(script.replace("$AWS_BATCH_JOB_ARRAY_INDEX", "7").removeprefix("exec "))
+
+
+def _expect_work(line: str) -> None:
+    """The line is `hsslam-batch work` for log 7, with options that there are."""
+    command, work, *words = shlex.split(line)
+    assert (command, work) == ("hsslam-batch", "work")
+    assert parse_options(WorkOptions, "hsslam-batch work", words).index == 7
 
 
 def test_argo_knows_every_field_of_its_workflow():
@@ -64,7 +74,8 @@ def _unread(given: Any, read: Any, path: str = "") -> list[str]:
 def test_the_array_of_slurm_is_a_script():
     (script,) = _blocks("bash")
     subprocess.run(["bash", "-n"], input=script, text=True, check=True)
-    assert "--index" in script
+    (line,) = (line for line in script.splitlines() if line.startswith("srun "))
+    _expect_work(line.removeprefix("srun ").replace("$SLURM_ARRAY_TASK_ID", "7"))
 
 
 def test_ray_knows_the_commands_of_a_cluster_by_hand():

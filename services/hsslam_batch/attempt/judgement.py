@@ -11,7 +11,13 @@ from typing import Any
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_batch.plan.batch import Batch
-from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY, on_one_line
+from hsslam_node.errors import (
+    GPU_IS_FULL,
+    MORE_SHARED_MEMORY,
+    OUT_OF_MEMORY,
+    TOO_FEW_FILES,
+    on_one_line,
+)
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
@@ -23,6 +29,8 @@ _SHORT_OF = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFIL
 _OF_THE_MACHINE = (  # in errors that are not the log's
     MORE_SHARED_MEMORY,
     GPU_IS_FULL,
+    OUT_OF_MEMORY,
+    TOO_FEW_FILES,
     "can't start new thread",  # by Python
     *(os.strerror(number) for number in _SHORT_OF),
 )

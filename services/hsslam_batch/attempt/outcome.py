@@ -40,6 +40,8 @@ class Outcome(msgspec.Struct, frozen=True):
     keyframes: int | None = None
     ate_m: float | None = None  # RMSE of the final trajectory, if there is a ground truth
     mesh_faces: int | None = None
+    mesh_accuracy_m: float | None = None  # mean distance from the true mesh, if there is one
+    mesh_completion: float | None = None  # share of the true mesh within 5 cm of it
 
     @property
     def is_done(self) -> bool:
@@ -122,4 +124,6 @@ def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
         "keyframes": summary.get("keyframes"),
         "ate_m": evaluation.get("ate", {}).get("final", {}).get("rmse_m"),
         "mesh_faces": summary.get("mesh", {}).get("faces"),
+        "mesh_accuracy_m": evaluation.get("mesh", {}).get("accuracy_mean_m"),
+        "mesh_completion": evaluation.get("mesh", {}).get("completion_ratio_5cm"),
     }

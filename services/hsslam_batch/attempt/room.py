@@ -36,7 +36,8 @@ class _Other:
 
 @contextlib.contextmanager
 def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[Room]:
-    """Make a folder for a log of `nbytes` bytes, wait for room on its disk, and remove it after the block.
+    """Make a folder for a log of `nbytes` bytes, wait for room on its disk, and remove it after the block,
+    unless another attempt at this log uses it.
 
     While the logs of other attempts take the room, it calls `pause` and looks again.
 
@@ -52,7 +53,7 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
                 pause()
             yield room
         finally:  # before the others find that this attempt has ended
-            if not room.is_kept:
+            if not room.is_kept and _is_alone(stream.fileno()):
                 remove_fetched(folder)
 
 
@@ -71,6 +72,17 @@ def _claimed(nbytes: int, folder: Path, claim_fd: int) -> bool:
         text = f"{most / 1e6:.1f} MB free, {lack / 1e6:.1f} MB needed"
         raise OSError(errno.ENOSPC, text, str(folder.parent))
     return False
+
+
+def _is_alone(claim_fd: int) -> bool:
+    """Whether no other attempt at the same log uses the folder; true on a file system without locks."""
+    try:
+        fcntl.flock(claim_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
 
 
 def _others(folder: Path) -> Iterator[_Other]:

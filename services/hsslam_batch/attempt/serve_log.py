@@ -148,6 +148,9 @@ def _attempt(
             failed = isinstance(error, UnavailableError)
             kind, end = ("unavailable", _UNAVAILABLE) if failed else ("bad input", _NOT_RUN)
             return _outcome(batch, log, terms, end, kind=kind, reason=str(error))
+        if not Path(log.place).exists():  # it may be on other nodes
+            reason = f"{log.place}: not on {platform.node()}: expected the logs there on each node"
+            return _outcome(batch, log, terms, _NOT_RUN, kind="crash", reason=reason)
     run_dir = place.run_dir
     at_end.callback(_remove_arena, run_dir)
     command = serve_command(batch, here, run_dir)

@@ -22,11 +22,12 @@ import psutil
 from hsslam_services.bus.dead_pools import pools_of
 from hsslam_services.launch.parent_death import adopt_orphans, die_with_parent
 from hsslam_services.run.memory import read_pss_mb
+from hsslam_services.run.stop_signals import ONE_REQUEST_S
 
 _LOOK_S = 1.0
 _MEMORY_EVERY_S = 2.0  # the kernel walks all pages to measure PSS
 _GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
-_BETWEEN_SIGNALS_S = 0.3
+_BETWEEN_SIGNALS_S = 1.2 * ONE_REQUEST_S  # else they count as one request
 _KILLING_S = 60.0  # until descendants that do not die are left
 
 Why = Literal["", "timeout", "memory", "cancelled"]

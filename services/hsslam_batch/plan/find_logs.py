@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
+from mcap.reader import make_reader
+
 from hsslam_batch.plan.listing import FileStamp, ListedPath, Listing
 from hsslam_batch.plan.log import Log, log_id
 from hsslam_batch.plan.remote_listing import is_url
@@ -17,9 +19,10 @@ from hsslam_services.artefacts.replaced_results import EARLIER
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.parts import is_part, parts, recovered_from
 from hsslam_services.log.reading.reader import log_reader
+from hsslam_services.log.whole_records import TORN
 from hsslam_services.run.source_table import ALL_SOURCES
 
-_LOG = "mcap"
+RECORDED, _BAG = "mcap", "bag"  # kinds: a log of this service, a bag of ROS
 
 
 def find_logs(listing: Listing) -> list[Log]:
@@ -41,7 +44,7 @@ def find_logs(listing: Listing) -> list[Log]:
         if (recovered := _recovered_from(listing, path)) is not None:
             print(f"warning: {place}: left out: the original of {recovered}", file=sys.stderr)
             continue
-        if kind == _LOG and (others := list(_others_in(listing, path))):
+        if kind == RECORDED and (others := list(_others_in(listing, path))):
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             print(
                 f"warning: {place}: left out {others[0]}{more}: the folder is one log, as it has a run.mcap: "
@@ -80,7 +83,7 @@ def is_utf8(path: str) -> bool:
 
 def log_files(listing: Listing, path: str, kind: str) -> list[str]:
     """The files of a log; for a run folder only the parts of its log, not the other results."""
-    if kind != _LOG or path in listing.files:
+    if kind != RECORDED or path in listing.files:
         return list(listing.below(path))
     folder = f"{path}/" if path else ""
     return [folder + name for name in listing.names(path) if is_part(name)]
@@ -109,8 +112,13 @@ def planned_files(listing: Listing, log: Log) -> list[str]:
 
 
 def with_frames(logs: Iterable[Log], options: SourceOptions) -> Iterator[Log]:
-    """The logs with the number of frames that a run with these options uses; 0: not known before the run."""
+    """The logs with the number of frames that a run with these options uses; 0: not known before the run.
+
+    A single MCAP file is a bag if its header says so.
+    """
     for log in logs:
+        kind = _BAG if log.kind == RECORDED and _is_of_ros(log.place) else log.kind
+        log = dataclasses.replace(log, kind=kind)
         yield dataclasses.replace(log, frames=_frames(log, options))
 
 
@@ -153,19 +161,30 @@ def _kind(listing: Listing, path: str) -> str:
     """The kind of source of a file or folder; empty if it is no source."""
     place = cast(Any, ListedPath(listing, path))  # has what `looks_like` uses of a Path
     kind = next((row.kind for row in _recorded_sources() if row.looks_like(place)), "")
-    return kind if kind != _LOG or log_files(listing, path, kind) else ""
+    return kind if kind != RECORDED or log_files(listing, path, kind) else ""
 
 
 def _frames(log: Log, options: SourceOptions) -> int:
-    """Count frames by the index of a log or the lists of a sequence; reads no images."""
-    if is_url(log.place):
+    """Count frames by the index of a log or the lists of a sequence; reads no images. 0: not known."""
+    if is_url(log.place) or log.kind == _BAG:  # a bag is read whole to count them
         return 0
     try:
-        if log.kind == _LOG:
+        if log.kind == RECORDED:
             return len(options.selected(_logged_frames(Path(log.place))))
         return open_any_source(log.source, options).frame_count or 0
     except (UserError, OSError):
         return 0  # the run will report the error
+
+
+def _is_of_ros(place: str) -> bool:
+    """Whether this is an MCAP file of ROS 2 on this machine."""
+    if is_url(place) or not Path(place).is_file():
+        return False
+    try:
+        with Path(place).open("rb") as stream:
+            return make_reader(stream).get_header().profile == "ros2"
+    except (OSError, *TORN):  # the run reports it
+        return False
 
 
 def _logged_frames(place: Path) -> int:

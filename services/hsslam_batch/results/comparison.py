@@ -21,6 +21,7 @@ class Figure:
 
 FIGURES = (
     Figure("ate_m", "ATE, cm", 1e2, 5e-4),
+    Figure("mesh_accuracy_m", "mesh accuracy, cm", 1e2, 1e-3),
     Figure("lost", "lost frames", 1.0, 1.0),
     Figure("core_s", "core time, s", 1.0, 5.0),
     Figure("memory_mb", "memory, MB", 1.0, 100.0),

@@ -15,8 +15,10 @@ from hsslam_batch.plan.batch import MANIFEST, Batch
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
+from hsslam_services.log.parts import is_part, parts
 
 RUNS = "runs.parquet"
+_LOG = "run.mcap"  # of one part
 _MAGIC = b"PAR1"  # a Parquet file begins and ends with it
 _REQUIRED = ("id", "name", "configuration", "kind")
 _ARTEFACTS = {  # column: file in the run folder
@@ -24,7 +26,6 @@ _ARTEFACTS = {  # column: file in the run folder
     "keyframes_file": "keyframes.txt",
     "mesh": "mesh.ply",
     "map": "map.safetensors",
-    "log": "run.mcap",
 }
 
 
@@ -142,17 +143,29 @@ def _files(batch: Batch, log: Log, outcome: Outcome) -> dict[str, str | None]:
         run_dir /= outcome.folder
         there = {run_dir / file for file in outcome.files}
         paths = {name: run_dir / file for name, file in (*_ARTEFACTS.items(), ("rrd", "run.rrd"))}
-        return {name: batch.name(path) if path in there else None for name, path in paths.items()}
+        found = {name: path if path in there else None for name, path in paths.items()}
+        found["log"] = _log_of(run_dir, [file for file in outcome.files if is_part(file)])
+        return {name: batch.name(path) if path else None for name, path in found.items()}
+    if not outcome.is_done:
+        return dict.fromkeys((*_ARTEFACTS, "log", "rrd"))
     paths = {name: run_dir / file for name, file in _ARTEFACTS.items()}
     paths["rrd"] = batch.rrd_file(log.id)
-    is_done = outcome.is_done
-    return {n: batch.name(p) if is_done and p.exists() else None for n, p in paths.items()}
+    found = {name: path if path.exists() else None for name, path in paths.items()}
+    found["log"] = _log_of(run_dir, [part.name for part in parts(run_dir)])
+    return {name: batch.name(path) if path else None for name, path in found.items()}
+
+
+def _log_of(run_dir: Path, parts_of_log: Sequence[str]) -> Path | None:
+    """The file of a log of one part, else the run folder, which readers take as the whole log."""
+    if list(parts_of_log) == [_LOG]:
+        return run_dir / _LOG
+    return run_dir if parts_of_log else None
 
 
 def _columns() -> dict[str, type]:
     of_outcome = {field.name: _plain(field.type) for field in msgspec.structs.fields(Outcome)}
     of_log = {"index": int, "source": str, "log_bytes": int}
-    return {**of_outcome, **of_log, **dict.fromkeys((*_ARTEFACTS, "rrd"), str)}
+    return {**of_outcome, **of_log, **dict.fromkeys((*_ARTEFACTS, "log", "rrd"), str)}
 
 
 def _plain(kind: Any) -> type:

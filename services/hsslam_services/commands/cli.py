@@ -12,7 +12,7 @@ from rich.progress import Progress, ProgressColumn
 
 from hsslam_node import __version__
 from hsslam_node.device.gpu_memory import gpu_memory_errors
-from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.errors import OUT_OF_MEMORY, UserError, did_you_mean
 from hsslam_services.commands.options.help_text import print_help
 from hsslam_services.commands.options.layers import merged
 from hsslam_services.commands.options.parser import parsed
@@ -104,7 +104,7 @@ def exit_code(command: Callable[[], int | None]) -> int:
         _tell(f"error: {error}")
         return 2
     except MemoryError as error:
-        _tell(f"error: out of memory: {error}".rstrip(": "))
+        _tell(f"error: {OUT_OF_MEMORY}: {error}".rstrip(": "))
         return 2
     except KeyboardInterrupt:
         _tell("interrupted")

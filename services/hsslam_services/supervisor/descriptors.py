@@ -3,7 +3,7 @@
 import contextlib
 import resource
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import TOO_FEW_FILES, UserError
 
 _FEWEST = 128  # the supervisor of a small run has about 50
 _WANTED = 65_536  # the hard limit may be a billion, and some programs loop over all descriptors
@@ -24,7 +24,7 @@ def allow_descriptors() -> None:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
     if 0 <= hard < _FEWEST:
         raise UserError(
-            f"ulimit -n: this process may open {hard} files: expected {_FEWEST} or more"
+            f"{TOO_FEW_FILES}: this process may open {hard} files: expected {_FEWEST} or more"
         )
 
 

@@ -62,6 +62,8 @@ def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict,
         (f"{GPU_IS_FULL}: expected 20.00 MiB more free, or --device cpu", "crash"),
         ("zenoh: can't start new thread: expected room for 12 threads", "crash"),
         ("--out /fleet/run: No space left on device: expected a folder with room", "crash"),
+        ("out of memory: Unable to allocate 9.00 GiB for an array", "crash"),
+        ("ulimit -n: this process may open 64 files: expected 128 or more", "crash"),
         ("bag: no topic", "bad input"),
     ],
 )

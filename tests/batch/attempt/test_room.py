@@ -69,3 +69,14 @@ def test_what_an_attempt_has_left_is_not_waited_for(scratch: Path):
         pass
     with room_for(600, scratch / "a", _no_pause), room_for(400, scratch / "b", _no_pause):
         assert (scratch / "a" / "part").exists()
+
+
+def test_an_attempt_that_ends_leaves_the_log_to_another_attempt_at_it(scratch: Path):
+    """As after a worker was killed: its run ends some seconds after the next attempt has begun."""
+    next_one = contextlib.ExitStack()
+    with room_for(300, scratch / "a", _no_pause):
+        (scratch / "a" / "part").write_bytes(bytes(300))
+        next_one.enter_context(room_for(300, scratch / "a", _no_pause))
+    assert (scratch / "a" / "part").exists()
+    next_one.close()
+    assert not (scratch / "a").exists()

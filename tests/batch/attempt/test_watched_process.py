@@ -91,3 +91,17 @@ def test_a_killed_watcher_takes_the_command_along(tmp_path: Path):
     watcher.kill()
     psutil.wait_procs([command], timeout=30)
     assert not command.is_running() or command.status() == psutil.STATUS_ZOMBIE
+
+
+_ENDS_AT_THE_SECOND = """
+import os, time
+from hsslam_services.run.stop_signals import hear_stop_signals
+hear_stop_signals(lambda requests: requests > 1 and os._exit(1))
+time.sleep(60)
+"""
+
+
+def test_a_run_hears_two_requests_to_end_and_so_ends_at_once(tmp_path: Path):
+    """The first alone would let it save and evaluate."""
+    watcher = _watch(tmp_path, sys.executable, "-c", _ENDS_AT_THE_SECOND, timeout_s=4.0)
+    assert _told(watcher) == ["timeout", "1"]
