@@ -2,13 +2,15 @@
 
     python examples/drive_from_nav2.py [tcp/127.0.0.1:7447 [/hsslam [COMMANDS]]]
 
-It listens to a run with `--grid --ros2-out /hsslam`, and to Nav2's topics /plan and /cmd_vel. They may come
-from a bag that is played. It needs no ROS: zenoh receives what nodes with rmw_zenoh send, and rosbags decodes
-it (pip install 'hsslam-node[ros2]'). It ends after COMMANDS commands, or if nothing comes for 10 s.
+It listens to a run with `--grid --ros2-out /hsslam`, and to Nav2's topics /plan and /cmd_vel, in the domain
+of the environment variable ROS_DOMAIN_ID (none: 0). They may come from a bag that is played. It needs no ROS:
+zenoh receives what nodes with rmw_zenoh send, and rosbags decodes it (pip install 'hsslam-node[ros2]'). It
+ends after COMMANDS commands, or if nothing comes for 10 s.
 """
 
 import contextlib
 import json
+import os
 import queue
 import sys
 import time
@@ -24,7 +26,7 @@ from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.geometry.se3 import inverse, transform
 
-DOMAIN, SILENCE_S = 0, 10.0
+DOMAIN, SILENCE_S = os.environ.get("ROS_DOMAIN_ID", "") or "0", 10.0
 OLD_S = 1.0  # age of a pose or a map from which on it says nothing about the robot
 OCCUPIED, UNKNOWN = 100, -1
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -66,7 +68,8 @@ def main(
                 sample = heard.get(timeout=SILENCE_S)
             except queue.Empty:
                 sys.exit(
-                    f"nothing came for {SILENCE_S:g} s: the run has ended, or publishes nothing"
+                    f"nothing came in ROS domain {DOMAIN} for {SILENCE_S:g} s: the run has ended, or "
+                    "publishes nothing"
                 )
             kind = str(sample.key_expr).split("/")[-2]  # as nav_msgs::msg::dds_::Path_
             kind = kind.replace("dds_::", "").removesuffix("_").replace("::", "/")

@@ -1,13 +1,16 @@
-"""Print the parameters of Nav2 with navigation.yaml merged in; needs PyYAML, a dependency of ROS.
+"""Print the parameters of Nav2 with navigation.yaml merged in; needs PyYAML, which the Python of ROS has.
 
-python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
+/usr/bin/python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
 """
 
 import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
+try:
+    import yaml
+except ImportError:
+    sys.exit(f"{sys.executable}: no PyYAML: expected the Python of ROS, /usr/bin/python3")
 
 
 def main(path: str) -> None:

@@ -1,5 +1,6 @@
 """The example that drives from Nav2, with messages of a run, of a plan and of commands that are replayed."""
 
+import os
 import re
 import subprocess
 import sys
@@ -82,13 +83,14 @@ class _Nav2:
 
     @staticmethod
     def _key(topic: str, kind: str) -> str:
-        return TopicName(topic, kind, _STORE.hash_rihs01(kind)).key(0)
+        return TopicName(topic, kind, _STORE.hash_rihs01(kind)).key(7)
 
 
 @pytest.fixture
 def nav2(endpoint) -> Iterator[_Nav2]:
     command = [sys.executable, _EXAMPLE, endpoint, "/one"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as example:
+    env = os.environ | {"ROS_DOMAIN_ID": "7"}
+    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) as example:
         nav2 = _Nav2(endpoint, example)
         yield nav2
         nav2.close()

@@ -1,5 +1,6 @@
 """The files for Nav2 name the topics and frames that a run publishes."""
 
+import os
 import re
 import subprocess
 import sys
@@ -94,6 +95,20 @@ def test_the_parameters_are_merged_into_those_of_nav2(tmp_path):
     assert bt == {**ours["bt_navigator"]["ros__parameters"], "bt_loop_duration": 10}
     assert found["collision_monitor"] == ours["collision_monitor"]
     assert found["amcl"] == theirs["amcl"] and found["local_costmap"] == ours["local_costmap"]
+
+
+def test_a_python_without_pyyaml_is_one_line(tmp_path):
+    (tmp_path / "yaml.py").write_text("raise ImportError")
+    done = subprocess.run(
+        [sys.executable, _FOLDER / "merged_parameters.py", "nav2_params.yaml"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1 and not done.stdout
+    assert done.stderr == (
+        f"{sys.executable}: no PyYAML: expected the Python of ROS, /usr/bin/python3\n"
+    )
 
 
 def test_the_topics_of_the_page_are_those_of_the_code():

@@ -65,7 +65,9 @@ def _run(worker: Worker) -> None:
                 out.tell(pose)
             initial.hear()
             if floor is not None:
-                floor.tell_news(out.frames.T_map_world, out.map_epoch)
+                floor.tell_news(out.frames.T_map_world)
+        if floor is not None and out.is_given_up:
+            floor.forget(out.frames.T_map_world)
 
 
 def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
@@ -137,9 +139,9 @@ class Ros2Out:
         )
 
     @property
-    def map_epoch(self) -> int:
-        """Number of resets of the map so far."""
-        return self._state.map_epoch
+    def is_given_up(self) -> bool:
+        """Whether a reset of the map is about to come."""
+        return self._state.is_given_up
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and path and points if they are due."""

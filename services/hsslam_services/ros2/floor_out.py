@@ -18,8 +18,6 @@ _UNKNOWN_M = 1000.0  # as nvblox has it
 class FloorOut:
     """Publishes each grid, and distances while a ROS node subscribes to them.
 
-    A reset of the map begins another `map` frame: all cells of the last grid become unknown at once.
-
     `frame`: name of the frame `map`; the grid lies along its axes. `has_ros_stamps`: the source has stamps
     of ROS.
     """
@@ -38,22 +36,15 @@ class FloorOut:
         self._has_ros_stamps = has_ros_stamps
         self._grids = bus.subscribe(topics.GRID, 1, history=True)
         self._slices: Subscription[Esdf] | None = None
-        self._last: Grid | None = None  # since the last reset
-        self._map_epoch: int | None = None
+        self._last: Grid | None = None
         self._map = node.publisher("map", "nav_msgs/msg/OccupancyGrid", Qos(1, is_latched=True))
         self._distances = node.publisher(
             "static_map_slice", "nvblox_msgs/msg/DistanceMapSlice", Qos(1)
         )
 
-    def tell_news(self, T_map_world: np.ndarray, map_epoch: int) -> None:
+    def tell_news(self, T_map_world: np.ndarray) -> None:
         """Publish the newest grid and distances since the last call; T_map_world [4, 4]: world to `frame`."""
         make = self._messages
-        if map_epoch != self._map_epoch:
-            if self._last is not None:
-                self._put_grid(
-                    self._last, np.full_like(cells_of(self._last), CELL_UNKNOWN), T_map_world
-                )
-            self._last, self._map_epoch = None, map_epoch
         if (grid := self._grids.poll()) is not None:
             self._last = grid
             self._put_grid(grid, cells_of(grid), T_map_world)
@@ -77,6 +68,12 @@ class FloorOut:
                     _UNKNOWN_M,
                 )
             )
+
+    def forget(self, T_map_world: np.ndarray) -> None:
+        """Publish the last grid with all cells unknown: a reset begins another `map`."""
+        if self._last is not None:
+            unknown = np.full_like(cells_of(self._last), CELL_UNKNOWN)
+            self._put_grid(self._last, unknown, T_map_world)
 
     def _put_grid(self, grid: Grid, cells: np.ndarray, T_map_world: np.ndarray) -> None:
         T, stamp_ns = T_map_world @ T_world_raster(grid), self._stamp_ns(grid)

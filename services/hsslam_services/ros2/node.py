@@ -11,6 +11,7 @@ from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.ros2.messages import Kind, RosMessages
 from hsslam_services.ros2.names import NodeName, Qos, TopicName, attachment, gid
 
+_LARGEST_BYTES = 1 << 16  # of a message to the node, such as a pose
 _HEARTBEAT_S = 0.5  # after a message that is kept for late subscribers
 _NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}  # ROS nodes have none by default
 
@@ -143,10 +144,11 @@ class RosSubscription:
         self._token = session.liveliness().declare_token(token)
 
     def newest(self) -> bytes | None:
-        """The payload of the newest unread message; drops older ones."""
+        """The payload of the newest unread message; drops older ones, and those of more than 64 KiB."""
         payload = None
         while (sample := self._subscriber.try_recv()) is not None:
-            payload = sample.payload.to_bytes()
+            if len(sample.payload) <= _LARGEST_BYTES:
+                payload = sample.payload.to_bytes()
         return payload
 
     def close(self) -> None:

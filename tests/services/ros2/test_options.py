@@ -49,7 +49,11 @@ def test_the_command_of_the_page_is_ours():
     text = (ROOT / "docs/ros2.md").read_text()
     (words,) = re.findall(r"^\$ hsslam-serve (.+)$", text, re.MULTILINE)
     options = parse_command_line(shlex.split(words))
-    assert (options.source, options.ros2_out, options.grid) == ("ros2:/camera", "/hsslam", True)
+    assert (options.source, options.ros2_out, options.grid) == (
+        "ros2:/camera/camera",
+        "/hsslam",
+        True,
+    )
     assert options.base_T_camera == (0.20, 0, 0.35, -0.5, 0.5, -0.5, 0.5)
 
 
