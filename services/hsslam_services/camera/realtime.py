@@ -17,6 +17,7 @@ _POLL_S = 0.05
 _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
 _LATE = 0.5  # periods after its time
+_TURN_S = 1.0  # of a long wait, between turns of the loop
 _REPEATED_NS = 1_000_000  # after the stamp before: no camera is as fast, so it is the same stamp
 _LOGGED_WITHIN_S = 5.0  # that the clock waits for the log once the first frame is tracked
 NEEDED = ("tracker", "mapper")
@@ -188,9 +189,10 @@ class Realtime:
         return self._wall.at(due_ns)
 
     def _sleep_until(self, due_ns: int) -> None:
-        wait_s = (due_ns - time.monotonic_ns()) / 1e9
-        if wait_s > 0:
-            self._worker.stop_event().wait(wait_s)
+        while (wait_s := (due_ns - time.monotonic_ns()) / 1e9) > 0:
+            self._worker.stop_event().wait(min(wait_s, _TURN_S))
+            if self._worker.should_stop():
+                return
 
     def _report(self, frame: Frame, text: str) -> None:
         self._worker.event("warning", f"frame {frame.index}: {text}")

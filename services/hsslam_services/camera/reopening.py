@@ -12,6 +12,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, NoFrame, Source, SourceLostError
 from hsslam_services.arena.arena_view import ArenaView
+from hsslam_services.camera.map_camera import difference_from_map
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
 
@@ -26,15 +27,14 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     applied again, and `--frames` counts them.
 
     Raises:
-        UserError: the source cannot be opened and gave no frame yet.
+        UserError: the source gave no frame yet, and cannot be opened or has another camera than a saved map.
     """
     reported = ""
     for _ in worker.tries():
         try:
             options = replace(_rest(worker.run.source_options, after), is_reopened=had_frames)
             source = open_any_source(worker.options.source, options, worker.should_stop)
-            if had_frames:
-                _expect_same_camera(worker, source)
+            _expect_same_camera(worker, source, is_first=not had_frames)
             return source
         except MAY_PASS as error:
             if worker.should_stop():  # stopped while opening a live camera
@@ -48,16 +48,23 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     return None
 
 
-def _expect_same_camera(worker: Worker, source: Source) -> None:
-    """Raise UserError, and release a live camera, if the run has keyframes of another camera."""
+def _expect_same_camera(worker: Worker, source: Source, *, is_first: bool) -> None:
+    """Raise UserError, and release a live camera, if there are keyframes of another camera: of the saved map
+    if no frame has come, else of this run."""
     try:
         keyframes = KeyframeStore(ArenaView(Path(worker.run.arena_dir)))
     except KeyError:  # none yet
         return
-    if difference := camera_difference(source, keyframes):
+    if is_first:
+        difference = difference_from_map(source.name, source, keyframes)
+        why = f"--map {worker.options.map}: {difference}"
+    else:
+        difference = camera_difference(source, keyframes)
+        why = f"source {source.name}: {difference} as in the keyframes"
+    if difference:
         for _ in source.frames():
             break  # the end of a started iterator releases the camera
-        raise UserError(f"source {source.name}: {difference} as in the keyframes")
+        raise UserError(why)
 
 
 def live_frames(

@@ -28,6 +28,7 @@ from hsslam_services.camera.ros2_messages import CdrMessages, is_rectified, topi
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 _INFO_S = 2.0  # longest wait for `camera_info` of depth beside images of both
+LARGEST_BYTES = 1 << 20  # of a message without an image; a decoder would need many times as much
 _PUBLISHERS = 64  # of `/tf_static`; each keeps its newest message
 
 
@@ -42,9 +43,10 @@ def declare_static_transforms(session: zenoh.Session, domain: int) -> Any:
 
 
 def received(subscriber: Any) -> Iterator[tuple[bytes, str]]:
-    """Payload and type of each message that has come since."""
+    """Payload and type of each message that has come since, but those that are far too large."""
     while (sample := subscriber.try_recv()) is not None:
-        yield sample.payload.to_bytes(), type_of(str(sample.key_expr))
+        if len(sample.payload) <= LARGEST_BYTES:
+            yield sample.payload.to_bytes(), type_of(str(sample.key_expr))
 
 
 class Ros2Depth:

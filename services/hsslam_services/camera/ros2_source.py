@@ -18,7 +18,7 @@ from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
 from hsslam_services.camera.depth_mounting import both_cameras
-from hsslam_services.camera.ros2_depth import Ros2Depth
+from hsslam_services.camera.ros2_depth import LARGEST_BYTES, Ros2Depth
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
@@ -34,7 +34,7 @@ from hsslam_services.ros2.listening_session import open_listening_session
 
 _RING = 4  # newest waiting images of a topic
 _POLL_S = 0.001
-_LARGEST_BYTES = 2**26  # of a message
+_LARGEST_IMAGE_BYTES = 2**26  # of a message
 _SENSORS_S = 1.0  # after the first pair of a camera that is opened again
 _SILENCE_S = 5.0
 _MOST_SILENCES = 3  # in a row, until the camera is lost and opened again
@@ -140,6 +140,8 @@ class Ros2Source:
 
     def _camera_of(self, sample: zenoh.Sample, color_topic: str | None = None) -> Camera:
         """The camera of a `camera_info`, for the images of `color_topic`; None: the topic of the options."""
+        if (nbytes := len(sample.payload)) > LARGEST_BYTES:
+            raise BadImageError(f"{nbytes} bytes: expected at most {LARGEST_BYTES}")
         payload, kind = sample.payload.to_bytes(), type_of(str(sample.key_expr))
         color_topic = self._topics[0] if color_topic is None else color_topic
         return self._cdr.camera(payload, kind, is_rectified(color_topic))
@@ -159,8 +161,8 @@ class Ros2Source:
         """The image of a message, not decoded yet; raises BadImageError, which names the topic."""
         key, nbytes = str(sample.key_expr), len(sample.payload)
         try:
-            if nbytes > _LARGEST_BYTES:
-                raise BadImageError(f"{nbytes} bytes: expected at most {_LARGEST_BYTES}")
+            if nbytes > _LARGEST_IMAGE_BYTES:
+                raise BadImageError(f"{nbytes} bytes: expected at most {_LARGEST_IMAGE_BYTES}")
             image = self._cdr.image(sample.payload.to_bytes(), type_of(key))
             if image.stamp_ns == 0:
                 raise BadImageError("header.stamp is 0: expected the time of the image")

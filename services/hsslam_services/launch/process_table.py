@@ -5,6 +5,7 @@ from typing import Any
 
 from hsslam_node.image_header import LARGEST_PIXELS
 from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.source_table import is_live
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class ProcessSpec:
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
     health_timeout_s: float = 15.0  # without a heartbeat, after the first
     stall_timeout_s: float = 150.0  # with heartbeats, but without a turn of the main loop
+    recording_startup_timeout_s: float | None = None  # instead, if it reads a recording
     rendering_stall_timeout_s: float | None = None  # instead, if frames are tracked by rendering
     stop_timeout_s: float = 20.0  # to end, since the signal or the last turn of the main loop
     first_delay_s: float = 0.5  # before a restart; doubles
@@ -80,7 +82,7 @@ FINAL_MAP_SAVER = "hsslam_services.processes.final_map_saver"
 MESH_SAVER = "hsslam_services.processes.mesh_saver"
 ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     WARM_UP: 600.0,
-    MAP_LOADER: 300.0,
+    MAP_LOADER: 4 * 3600.0,  # it reads a recording once, as the camera does
     MAP_SAVER: 300.0,
     FINAL_MAP_SAVER: 600.0,
     MESH_SAVER: 3600.0,  # it shows its progress; a second signal ends it
@@ -131,6 +133,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=CAMERA_STAGE,
         reads_source=True,
         may_finish=True,
+        recording_startup_timeout_s=4 * 3600.0,  # of a bag or log of a terabyte
         stall_timeout_s=60.0,  # it never waits longer than a second
     ),
     _row(
@@ -194,9 +197,17 @@ def process_number(name: str) -> int:
 def processes_of(options: ServeOptions) -> list[ProcessSpec]:
     """The processes of a run with these options, with their time limits in it."""
     specs = [spec for spec in PROCESSES if spec.exists(options)]
+    if not is_live(options.source):
+        specs = [_of_recording(spec) for spec in specs]
     if options.slam.tracker.method == "alignment":
         return specs
     return [
         replace(spec, stall_timeout_s=spec.rendering_stall_timeout_s or spec.stall_timeout_s)
         for spec in specs
     ]
+
+
+def _of_recording(spec: ProcessSpec) -> ProcessSpec:
+    """The process in a run that reads a recording."""
+    startup_s = spec.recording_startup_timeout_s or spec.startup_timeout_s
+    return replace(spec, startup_timeout_s=startup_s)

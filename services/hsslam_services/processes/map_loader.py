@@ -6,14 +6,15 @@ Arena: writes keyframes, map
 from dataclasses import replace
 
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.camera import same_depth_scale
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
+from hsslam_services.camera.map_camera import difference_from_map
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.source_table import is_live
 
 
 def main() -> None:
@@ -25,7 +26,7 @@ def _run(worker: Worker) -> None:
     path = find_map(options.maps, options.map)
     store, _ = restore_map(worker.arena, path, options.slam)
     store.world_frame.note_level(options.T_level_world)  # if the map has no level of its own
-    if options.has_camera_process:
+    if options.has_camera_process and not is_live(options.source):  # a live one opens once
         _expect_camera(worker.run, store)
     worker.add_to_summary({"keyframes": store.count})  # `status` counts on from there
     doing = "localises in" if options.localise_only else "continues"
@@ -33,20 +34,11 @@ def _run(worker: Worker) -> None:
 
 
 def _expect_camera(run: RunInfo, store: KeyframeStore) -> None:
-    """Raise UserError if the source has another camera than the map."""
+    """Raise UserError if the source has another camera than the map, before any other process starts."""
     options = run.options
     source = open_any_source(options.source, replace(run.source_options, noise="none"))
-    if difference := source.camera.differs_in(store.camera):
-        name, value, expected = difference
-        what = f"source {options.source} has {value}"
-        if name != "size":
-            what = f"{name} of source {options.source} is {value} px"
-        raise UserError(f"--map {options.map}: {what}: expected {expected}, as in the map")
-    if not same_depth_scale(source.depth_units_per_m, store.depth_units_per_m):
-        raise UserError(
-            f"--map {options.map}: source {options.source} has {source.depth_units_per_m:.9g} depth "
-            f"units per metre: expected {store.depth_units_per_m:.9g}, as in the map"
-        )
+    if difference := difference_from_map(options.source, source, store):
+        raise UserError(f"--map {options.map}: {difference}")
 
 
 if __name__ == "__main__":

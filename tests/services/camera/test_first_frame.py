@@ -71,7 +71,7 @@ def sent() -> Iterator[Any]:
             )  # fmt: skip
             progress = CameraProgress(publisher=7)
             sensors = RobotSensors.heard(bus, ServeOptions())
-            frames = bus.publisher(topics.FRAME)
+            frames = bus.publisher(topics.FRAME, block=True)
             pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors)
             others = _Others(other, deaf_to, has_log)
             try:
