@@ -22,10 +22,11 @@ class FragmentFiles:
         run_dir: Path,
         slam: SlamConfig,
         tell: Callable[[Literal["info", "error"], str], None],
-        turn: Callable[[], object] = lambda: None,
+        turn: Callable[[], bool] = lambda: False,
     ) -> None:
         """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it. `save` calls
-        `turn` while it waits. `failed` has the reason for each fragment that is not saved.
+        `turn` while it waits, until that returns true: the run ends. `failed` has the reason for each
+        fragment that is not saved.
         """
         self.failed: dict[int, str] = {}
         self._run_dir = run_dir
@@ -35,9 +36,10 @@ class FragmentFiles:
 
     def save(self, fragment: Fragment) -> None:
         """Begin to save a fragment that no frame is tracked in any more, once the one before is saved."""
+        is_ending = False
         while self._saving is not None and self._saving.is_alive():
             self._saving.join(_TURN_S)
-            self._turn()
+            is_ending = is_ending or self._turn()  # from then on the supervisor's time limit counts
         thread = threading.Thread(target=self._save, args=(fragment,), name="fragment")
         try:
             thread.start()

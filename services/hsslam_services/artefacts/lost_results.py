@@ -7,6 +7,9 @@ from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import read_summary
 
 POSES_NOT_LOGGED = "poses not logged"  # counter of the tracker, and in its summary
+LOG_FAILURES = (
+    "log failures"  # counter of the recorder: messages refused, and a disk that is not written
+)
 LOST_FOREVER = frozenset({"log", "fragments", "poses"})  # of the names in `not_saved`
 
 
@@ -39,8 +42,9 @@ def lost_fragments(run_dir: Path) -> str:
     return f"{'; '.join(each)}: lost"
 
 
-def unfinished_log(run_dir: Path, recorder_error: str = "") -> str:
-    """Why the log is not complete, by the recorder's result and its failure; empty if it is complete."""
+def unfinished_log(run_dir: Path, recorder_error: str = "", failures: int = 0) -> str:
+    """Why the log is not complete, by the recorder's result, its failure and the failures that it and its
+    predecessors counted; empty if it is complete."""
     log = read_result(run_dir, "recorder").summary.get("log", {})
     if recorder_error:
         why = recorder_error
@@ -48,7 +52,10 @@ def unfinished_log(run_dir: Path, recorder_error: str = "") -> str:
         why = "not finished"
     elif error := log.get("sync_error"):
         why = f"the disk could not be written ({error}), and some messages may be lost"
-    elif not log["complete"]:
+    elif lost := log.get("lost"):
+        each = ", ".join(f"{count} of {topic}" for topic, count in lost.items())
+        why = f"messages are lost, as the recorder was too slow or was away: {each}"
+    elif not log["complete"] or failures:
         why = "the disk was full, and some messages are lost"
     else:
         return ""

@@ -13,7 +13,7 @@ from typing import Any
 from hsslam_node.device.device import CPU
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena import Arena
-from hsslam_services.arena.arena_folder import pose_count
+from hsslam_services.arena.arena_folder import disk_folder, pose_count
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved, read_unsaved
@@ -28,7 +28,7 @@ from hsslam_services.run.process_result import (
     write_result,
 )
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import update_summary
+from hsslam_services.run.summary import read_summary, update_summary
 
 _LONGEST_S = 3600.0  # limit for one artefact, such as the mesh of a large map
 _POLL_S = 0.02
@@ -55,6 +55,7 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
             run.restore()
         with contextlib.suppress(OSError):  # the memory is full
             mark_unsaved(arena_dir, run_dir, wanted)
+        _link_moved_arrays(arena_dir, run_dir)
         for artefact in wanted:
             error = _in_own_process(artefact, run, arena_dir, run_dir, report)
             section = read_result(run_dir, _result_name(artefact)).summary
@@ -69,11 +70,24 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
             mark_unsaved(arena_dir, run_dir, not_saved)
         update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
         update_summary(run_dir, {"rescued": saved})
+        if given_up := read_summary(run_dir).get("given_up"):
+            left = [name for name in given_up if name not in saved]
+            update_summary(run_dir, {"given_up": left}, replaced=("given_up",))
         if earlier := ReplacedResults(run_dir).keep():
             report(f"{run_dir}: the results of the previous run are in {earlier}")
     except OSError as error:
         raise UserError(f"{run_dir}: {error.strerror}: expected a writable folder") from None
     return not_saved
+
+
+def _link_moved_arrays(arena_dir: Path, run_dir: Path) -> None:
+    """Let links of the arena to arrays in the run folder follow a run folder that was moved."""
+    folder = disk_folder(run_dir, arena_dir).absolute()
+    for link in arena_dir.iterdir():
+        moved = folder / link.name
+        if link.is_symlink() and not link.exists() and moved.is_file():
+            link.unlink()
+            link.symlink_to(moved)
 
 
 def _in_own_process(
@@ -129,6 +143,8 @@ def _save_trajectories(
     files = TrajectoryFiles(arena, store, MapState(arena_dir).map_epoch)
     sections |= files.section(run_dir)
     files.save(run_dir)
+    if files.lost:
+        sections |= {"not_saved": {"poses": files.lost}}
 
 
 def _save_map(

@@ -21,24 +21,36 @@ from hsslam_services.run.summary import pose_section
 
 class TrajectoryFiles:
     """The three trajectories of one map epoch, those of fragments that have not joined its map, and pose
-    statistics. `store`: keyframes of the epoch. Reads the pose log in pieces: days have millions of rows."""
+    statistics. `store`: keyframes of the epoch. Reads the pose log in pieces: days have millions of rows.
+
+    `lost`: why there are only keyframes, as older poses were in a run folder that is gone; else empty.
+    """
 
     def __init__(
         self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
     ) -> None:
         self._gravity = None if store is None else store.world_frame.gravity
-        self._log = PoseLog(arena)
-        self._here = EpochPoses(self._log, map_epoch)
-        self._fragments = self._here.fragments()
+        self.lost, self._fragments = "", {}
+        try:
+            self._log = PoseLog(arena)
+            self._here = EpochPoses(self._log, map_epoch)
+            self._fragments = self._here.fragments()
+        except FileNotFoundError as error:  # the keyframes are in memory
+            link = Path(error.filename)
+            self.lost = f"{link.readlink()}: gone with its run folder, and the poses in it"
         self._map_epoch, self._suffix = map_epoch, suffix
         poses = store.poses() if store is not None else np.zeros((0, 4, 4))
         stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
         own = slice(store.inherited if store is not None else 0, len(poses))
         self._keyframes = Trajectory(stamps[own], poses[own])
         self._trajectories: dict[str, Callable[[], Iterable[Trajectory]]] = {
+            "keyframes": lambda: [self._keyframes]
+        }
+        if self.lost:
+            return
+        self._trajectories |= {
             "trajectory": partial(self._here.final, poses),
             "trajectory_online": self._here.online,
-            "keyframes": lambda: [self._keyframes],
             **{
                 fragment_trajectory_name(n): partial(self._here.fragment, n, place)
                 for n, place in self._fragments.items()
@@ -50,6 +62,8 @@ class TrajectoryFiles:
         """Pose statistics for the summary: of a run that ends, and of this epoch, if there are several; and
         which maps of fragments the tracker has saved in `run_dir`."""
         section: dict[str, Any] = {}
+        if self.lost:
+            return section
         if not self._suffix:  # else each reset reads the rows of all epochs
             section = pose_section(map(self._log.joined, self._log.slabs()))
         if (gravity := self._gravity) is not None:
@@ -81,6 +95,9 @@ class TrajectoryFiles:
             UserError: names each file that cannot be written.
         """
         errors = []
+        for number in filter(self._log.is_joined, self._fragments):  # since an earlier save
+            name = f"{fragment_trajectory_name(number)}{self._suffix}.txt"
+            (run_dir / name).unlink(missing_ok=True)
         for name, pieces in self._trajectories.items():
             path = run_dir / f"{name}{self._suffix}.txt"
             try:

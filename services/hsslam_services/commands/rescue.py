@@ -2,13 +2,20 @@
 
 import contextlib
 import os
+import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import writable_kernel_cache
-from hsslam_services.arena.arena_folder import SHM_ROOT, remove_arena, run_dir_of, try_own
+from hsslam_services.arena.arena_folder import (
+    SHM_ROOT,
+    disk_folder,
+    remove_arena,
+    run_dir_of,
+    try_own,
+)
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import read_unsaved
 from hsslam_services.artefacts.lost_results import LOST_FOREVER, lost_results
@@ -23,7 +30,7 @@ RESCUE_HELP = """usage: hsslam-serve rescue DIR
 Saves the trajectories, map and mesh that a run could not write (exit code 4) and kept in shared memory.
 DIR is the run folder, or the folder in /dev/shm. When all three are saved, the command frees the memory.
 The memory does not hold the log: hsslam-log recover makes the log on disk readable. Fragments that
-were not saved, and what a second signal gave up, are lost.
+were not saved are lost. What a second signal gave up is saved if the memory was kept for another result.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
 is interrupted."""
@@ -120,6 +127,9 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)
+    shutil.rmtree(
+        disk_folder(run_dir, arena_dir), ignore_errors=True
+    )  # of a run folder that was moved
     return _report_end(run_dir, left)
 
 

@@ -149,15 +149,15 @@ class Child:
         if self.state == "ended" and self._process is None:
             self.state, self._start_at_s = "waiting", 0.0
 
-    def kill(self) -> None:
-        """Kill the process and wait for its end, at most 10 s."""
+    def kill(self, within_s: float = _KILL_TIMEOUT_S) -> None:
+        """Kill the process and wait for its end, at most `within_s`; a process may hang in a driver."""
         self.wanted = False
         if self._process is None:
             return
         self._process.kill()
         self._killed_s = time.monotonic()
         try:
-            self._exited(self._process.wait(_KILL_TIMEOUT_S), time.monotonic())
+            self._exited(self._process.wait(within_s), time.monotonic())
         except subprocess.TimeoutExpired:
             self._abandon()
 

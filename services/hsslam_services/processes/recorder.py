@@ -26,6 +26,7 @@ from hsslam_proto.messages import Frame
 from hsslam_proto.run_messages import Health, SourceEnd, Step
 from hsslam_proto.topics import Topic
 from hsslam_services.arena.arena_view import ArenaView
+from hsslam_services.artefacts.lost_results import LOG_FAILURES
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.peers import AtWork
 from hsslam_services.bus.publisher import Report
@@ -57,6 +58,8 @@ _LARGE = {  # topics of large messages, and how many messages may wait
 _DEPTH = 8192
 _DRAWN_AGAIN = (topics.POSE, topics.KEYFRAME, topics.CORRECTION)  # for a new viewer or file
 _COUNT_EVERY_S = 0.2  # counting takes 0.3 ms, about as long as a small message
+# topics of one sender, whose missing messages are counted; but for frames, the log is incomplete without
+_COUNTED = (topics.FRAME, topics.POSE, topics.KEYFRAME)
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of other processes; a killed one sends none
 _OUTSIDE_S = 2.0  # at the end, for frames and inputs in transit
 _TURN_S = 0.3  # at the end, for messages in transit from senders without heartbeats
@@ -95,7 +98,7 @@ class Recorder:
         self._skipped: Counter[str] = Counter()
         self._disk = DiskReport(run_dir, report)
         self._unusable = 0
-        self._missed = 0  # frames that were dropped before the newest one that is read
+        self._missed: Counter[str] = Counter()  # by key: dropped before the newest one that is read
         self._senders = AtWork(bus.process)
         try:
             self._recorded = RecordedSoFar(run_dir, run_id)
@@ -115,7 +118,7 @@ class Recorder:
                 topic,
                 _LARGE.get(topic, _DEPTH),
                 history=topic.history > 0 or topic.keeps_state,
-                awaited=self._recorded.awaited(self._key(topic)) if topic is topics.FRAME else None,
+                awaited=self._recorded.awaited(self._key(topic)) if topic in _COUNTED else None,
             )
             for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # frames last
             if topic.logged
@@ -132,8 +135,8 @@ class Recorder:
             while (received := subscription.poll_received()) is not None:
                 worked = True
                 frame = received.message if subscription.topic is topics.FRAME else None
-                if frame:
-                    self._missed += received.missed
+                if subscription.topic in _COUNTED:
+                    self._missed[self._key(subscription.topic)] += received.missed
                 if frame and not self._inlet.takes(received):
                     continue
                 self._record(subscription.topic, received)
@@ -148,7 +151,8 @@ class Recorder:
         if self._whole_mesh.is_due(self._log.path, time.monotonic()):
             next(s for s in self._subscriptions if s.topic is topics.MESH_BLOCKS).ask_state()
         if self._log.tick():
-            self._recorded.save(*self._log.place, {self._key(topics.FRAME): self._frames_dropped()})
+            dropped = {self._key(topic): self._dropped(topic) for topic in _COUNTED}
+            self._recorded.save(*self._log.place, dropped)
         self._disk.tell_of(self._log)
         return worked
 
@@ -156,22 +160,25 @@ class Recorder:
         """Counts since the start of the run, earlier parts included."""
         logged = self._recorded.counts
         counts = Counter({topic.name: logged[self._key(topic)] for topic in topics.TOPICS})
-        poses = next(s for s in self._subscriptions if s.topic is topics.POSE)
+        failures = self._log.refused + bool(self._log.sync_error)
         return {
             "frames_logged": counts[topics.FRAME.name],
             "poses_logged": counts[topics.POSE.name],
             "keyframes_logged": counts[topics.KEYFRAME.name],
             "events_logged": counts[topics.EVENT.name],
             "messages_logged": counts.total(),
-            "frames_dropped": self._frames_dropped() + self._skipped[topics.FRAME.name],
+            "frames_dropped": self._dropped(topics.FRAME) + self._skipped[topics.FRAME.name],
             "frames_unusable": self._unusable,
-            "poses_dropped": poses.dropped,
+            "poses_dropped": self._dropped(topics.POSE),
             "viewer_dropped": self._view.dropped,
+            # without any, those of the previous recorder count
+            **({LOG_FAILURES: failures} if failures else {}),
         }
 
-    def _frames_dropped(self) -> int:
-        """Frames that no recorder of the run has taken: it was too slow, or there was none."""
-        return self._recorded.dropped[self._key(topics.FRAME)] + self._missed
+    def _dropped(self, topic: Topic) -> int:
+        """Messages that no recorder of the run has taken: it was too slow, or there was none."""
+        key = self._key(topic)
+        return self._recorded.dropped[key] + self._missed[key]
 
     def show_images_every(self, seconds: float) -> None:
         """The least time between images in the live viewer, s."""
@@ -188,13 +195,19 @@ class Recorder:
         if lost_bytes or refused:
             lost = f"{lost_bytes} bytes and {refused} messages were not written"
             self._report("error", f"{self._log.path}: disk full, {lost}")
-        if missed := self._frames_dropped():
-            text = f"{missed} frames are not recorded: the recorder was too slow, or was restarted"
-            self._report("warning", f"{self._log.path}: {text}")
+        for count, why in (
+            (self._dropped(topics.FRAME), "the recorder was too slow, or was restarted"),
+            (self._skipped[topics.FRAME.name], "the disk was nearly full"),
+        ):
+            if count:
+                text = f"{count} frames are not recorded: {why}"
+                self._report("warning", f"{self._log.path}: {text}")
+        lost = {each.name: n for each in _COUNTED[1:] if (n := self._dropped(each))}
         existing = parts(self._run_dir)
         return {
             **self.counters(),
-            "complete": lost_bytes == refused == 0 and not self._log.sync_error,
+            "complete": lost_bytes == refused == 0 and not self._log.sync_error and not lost,
+            **({"lost": lost} if lost else {}),
             **({"sync_error": self._log.sync_error} if self._log.sync_error else {}),
             "parts": [path.name for path in existing],
             "removed_parts": removed_before(existing),

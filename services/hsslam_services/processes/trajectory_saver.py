@@ -3,6 +3,7 @@
 Arena: reads keyframes, map_state, pose_log
 """
 
+from hsslam_node.errors import UserError
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.trajectory_files import TrajectoryFiles
@@ -21,6 +22,8 @@ def _run(worker: Worker) -> None:
     files = TrajectoryFiles(worker.arena, store, mode.map_epoch, suffix)
     worker.add_to_summary(files.section(worker.run.path))
     files.save(worker.run.path)
+    if files.lost:
+        raise UserError(files.lost)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.arena_folder import pose_count
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.artefacts.lost_results import (
+    LOG_FAILURES,
     POSES_NOT_LOGGED,
     lost_fragments,
     lost_poses,
@@ -32,7 +34,13 @@ from hsslam_services.launch.process_table import (
 )
 from hsslam_services.run.run_info import RunInfo
 
+_HANGS_MS = 1000.0  # without a turn of its loop, a tracker gives no pose
 _LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may never come
+_LONGEST_CAMERA_S = 3.0  # in real time: it has nothing to finish, but a driver may hang
+_KILL_S = 0.5  # of these, a process that hangs in a driver is left to itself
+_TRACKER_FIRST_S = (
+    2.0  # in real time; then other results are saved while it saves a fragment, or hangs
+)
 _LONGEST_RESTART_S = 3.0  # of a process that crashed just before the end
 _FINISHES_WORK = ("recorder", "mapper", "global_ba")  # processes that work on when they are stopped
 
@@ -40,6 +48,9 @@ _FINISHES_WORK = ("recorder", "mapper", "global_ba")  # processes that work on w
 @dataclass
 class OrderlyEnd:
     """Ends a run: camera, tracker, trajectories, BA, mapper, map, mesher, mesh, log, evaluation.
+
+    In real time a camera that hangs and a tracker that still saves a fragment do not delay a first save of
+    trajectories and map: `docker stop` grants 10 s. What changes after that is saved again.
 
     `turn()` is one turn of the supervisor's loop; `run_alone(module, is_cancelled)` runs a process to its
     end, or until it is cancelled, and returns "" or the error; `signals()` is the number of stop signals so
@@ -61,21 +72,26 @@ class OrderlyEnd:
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
-    _saved_version: int = -1  # of the poses, when the trajectories were last saved
+    _saved_poses: tuple[int, int] = (-1, 0)  # `_poses` when the trajectories were last saved
 
     def to_the_end(self) -> None:
         """Do all steps; if one fails, the others still run."""
         map_state = MapState(self.run.arena_dir)
         map_state.stopped_ns = time.monotonic_ns()
-        self._stop(CAMERA_STAGE)
+        is_hurried = self._is_hurried
+        self._stop(CAMERA_STAGE, _LONGEST_CAMERA_S if is_hurried else math.inf)
         self._drain()
-        self._stop(TRACKER_STAGE)
+        self._ask_to_end(TRACKER_STAGE, _TRACKER_FIRST_S if is_hurried else math.inf)
         self._save_trajectories(patience=2 if self.state.tracked else 1)
+        if any(child.is_alive for child in self._of_stage(TRACKER_STAGE)):
+            self._save("map", FINAL_MAP_SAVER)
+            self._stop(TRACKER_STAGE)
+            self._save_trajectories()  # its fragments may have joined, or have their files now
         self._check_poses()
         self._await_restart("global_ba")
         for name in ("global_ba", "mesher"):  # they end during the first save of the map
             self.children[name].wanted = False
-        if math.isfinite(self.run.options.finish_budget_s):
+        if is_hurried:
             begun_ns = time.monotonic_ns()
             self._save("map", FINAL_MAP_SAVER)
             map_state.saved_in_ns = time.monotonic_ns() - begun_ns
@@ -91,22 +107,43 @@ class OrderlyEnd:
         if self.run.options.evaluate:
             self._evaluate()
 
+    @property
+    def _is_hurried(self) -> bool:
+        """Whether the end has a time limit, as in real time."""
+        return math.isfinite(self.run.options.finish_budget_s)
+
     def miss(self, artefact: str, why: str) -> None:
         """Note and report that an artefact is not saved."""
         self.not_saved[artefact] = why
         self.report(f"{artefact} not saved: {why}")
 
-    def _stop(self, stage: int) -> None:
-        of_stage = [c for c in self.children.values() if c.spec.stop_stage == stage]
+    def _ask_to_end(self, stage: int, within_s: float = math.inf) -> None:
+        """Wait until the processes of a stage have ended, at most `within_s`."""
+        of_stage = self._of_stage(stage)
         for child in of_stage:
             if child.spec.name in _FINISHES_WORK:
                 self._await_restart(child.spec.name)
             child.wanted = False
+        deadline_s = time.monotonic() + within_s
         while any(child.is_alive for child in of_stage) and self.signals() < 2:
+            if time.monotonic() > deadline_s:
+                return
             self.turn()
         for child in of_stage:
-            child.kill()
             self._done(child.spec.name)
+
+    def _stop(self, stage: int, within_s: float = math.inf) -> None:
+        """Wait until the processes of a stage have ended; those that take longer are killed."""
+        self._ask_to_end(stage, within_s)
+        for child in self._of_stage(stage):
+            if math.isfinite(within_s):
+                child.kill(_KILL_S)
+            else:
+                child.kill()
+            self._done(child.spec.name)
+
+    def _of_stage(self, stage: int) -> list[Child]:
+        return [child for child in self.children.values() if child.spec.stop_stage == stage]
 
     def _drain(self) -> None:
         """Wait for the pose of the last frame that the source has sent."""
@@ -115,6 +152,9 @@ class OrderlyEnd:
             self.turn()
             tracker = self.children["tracker"]
             if self.state.source_end is None or not tracker.is_alive:
+                return
+            hangs = tracker.health is not None and tracker.health.idle_ms > _HANGS_MS
+            if hangs and self._is_hurried:
                 return
             if self.state.has_answered(self.state.source_end, frames_dropped(self.children)):
                 return
@@ -130,12 +170,12 @@ class OrderlyEnd:
 
     def _save_trajectories(self, patience: int = 1) -> None:
         # read before, as the saver copies the poses when it begins
-        self._saved_version = self._pose_version()
+        self._saved_poses = self._poses()
         self._save("trajectories", TRAJECTORY_SAVER, patience)
 
     def _save_moved_trajectories(self) -> None:
-        """Save the trajectories again if keyframes have moved since they were saved."""
-        if self._pose_version() != self._saved_version:
+        """Save the trajectories again if keyframes have moved or poses have come since they were saved."""
+        if self._poses() != self._saved_poses:
             self._save_trajectories()
 
     def _save(self, artefact: str, module: str, patience: int = 1) -> None:
@@ -185,12 +225,14 @@ class OrderlyEnd:
         error = ""
         if recorder.state == "failed":
             error = recorder.user_error or "the recorder could not be kept running"
-        if why := unfinished_log(self.run.path, error):
+        if why := unfinished_log(self.run.path, error, recorder.counted(LOG_FAILURES)):
             self.miss("log", why)
 
-    def _pose_version(self) -> int:
-        """Number of corrections of keyframe poses; -1 without keyframes."""
+    def _poses(self) -> tuple[int, int]:
+        """Number of corrections of keyframe poses, -1 without keyframes, and number of poses."""
+        arena_dir = Path(self.run.arena_dir)
         try:
-            return KeyframeStore(ArenaView(Path(self.run.arena_dir))).pose_version
+            version = KeyframeStore(ArenaView(arena_dir)).pose_version
         except (KeyError, OSError, ValueError):
-            return -1
+            version = -1
+        return version, pose_count(arena_dir)

@@ -2,7 +2,7 @@
 
 import datetime
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,8 @@ class RunLoop:
     """Runs until the source ends, a stop signal comes, or a failure ends the run.
 
     `signals()`: number of stop signals so far; the first stops in order, the second at once.
-    `not_saved`: the error of each artefact that is not saved.
+    `not_saved`: the error of each artefact that is not saved; `given_up`: those that a second signal cut
+    short.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class RunLoop:
         signals: Callable[[], int],
     ) -> None:
         self.not_saved: Mapping[str, str] = {}
+        self.given_up: Sequence[str] = ()
         self._signals = signals
         self._info = prepared.info
         self._notices = prepared.notices
@@ -125,6 +127,10 @@ class RunLoop:
         self._guard.run("requests", self._gateway.close)
         for child in self._children.values():
             self._guard.run(child.spec.name, child.kill)
+        self.drain()
+
+    def drain(self) -> None:
+        """Write the remaining output."""
         self._status.drain()
 
     def _until_stop(self) -> StopReason:
@@ -239,7 +245,7 @@ class RunLoop:
             self._complete_summary(reason, stop_s, end)
         except OSError as error:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
-        self.not_saved = end.not_saved
+        self.not_saved, self.given_up = end.not_saved, end.given_up
 
     def _wait_while(self, is_busy: Callable[[], bool]) -> None:
         """Let a client's request finish, for a limited time."""

@@ -8,7 +8,7 @@ Arena: reads pose_log; writes map_state
 import contextlib
 import signal
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from hsslam_node.errors import UserError, one_line
 from hsslam_node.kernels.cache_folder import has_run_kernels
@@ -83,15 +83,22 @@ class Supervisor:
                 run = RunLoop(prepared, bus, fork_client, watchdog, lambda: self._signals)
                 try:
                     code = run.to_the_end()
-                finally:
+                except UserError:
                     run.kill_all()
+                    raise
+                except (
+                    BaseException
+                ):  # the processes end by themselves when this one is gone, with results
+                    run.drain()
+                    raise
+                run.kill_all()
         except UserError:
             arena.remove()
             prepared.give_back()
             is_in_order = True
             raise
         else:
-            self._free(arena, info, run.not_saved)
+            self._free(arena, info, run.not_saved, run.given_up)
             self._keep_replaced(prepared)
             is_in_order = True
             return code
@@ -103,12 +110,18 @@ class Supervisor:
                 watchdog.expect_end()
             # else it saves the results in the arena, and outlives this process
 
-    def _free(self, arena: ArenaFolder, info: RunInfo, not_saved: Mapping[str, str]) -> None:
-        """Remove the arena, unless it holds results that are not saved."""
-        kept = [artefact for artefact in ARENA_ARTEFACTS if artefact in not_saved]
-        if not kept or not pose_count(arena.path):
+    def _free(
+        self,
+        arena: ArenaFolder,
+        info: RunInfo,
+        not_saved: Mapping[str, str],
+        given_up: Collection[str],
+    ) -> None:
+        """Remove the arena, unless it holds results that could not be saved; then also those given up."""
+        if not any(name in not_saved for name in ARENA_ARTEFACTS) or not pose_count(arena.path):
             arena.remove()
             return
+        kept = [name for name in ARENA_ARTEFACTS if name in not_saved or name in given_up]
         with contextlib.suppress(OSError):  # the memory is full; the folder says enough
             mark_unsaved(arena.path, info.path, kept)
         text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"

@@ -1,12 +1,17 @@
 """Each fragment that ends without a join gets a file and a line; an error line if it cannot be saved."""
 
+import threading
 from pathlib import Path
+
+import pytest
 
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_services.artefacts import fragment_files
 from hsslam_services.artefacts.fragment_files import FragmentFiles
 from hsslam_services.artefacts.fragment_names import trajectory_beside
 from tests.small_room import SMALL, room_frames, room_poses
+from tests.until import until
 
 
 def _fragment(number: int) -> Fragment:
@@ -55,3 +60,27 @@ def test_the_trajectory_beside_a_map_is_in_its_world(tmp_path: Path):
     }
     found = {name: trajectory_beside(tmp_path / name).name for name in of_map}
     assert found == of_map
+
+
+def test_once_the_run_ends_a_slow_disk_takes_no_turns_of_the_tracker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Each turn would give the tracker more time to end; two fragments wait for the disk."""
+    disk_is_free, turns = threading.Event(), []
+    monkeypatch.setattr(fragment_files, "save_checkpoint", lambda *_: disk_is_free.wait(60))
+    monkeypatch.setattr(fragment_files, "_TURN_S", 0.01)
+
+    def should_stop() -> bool:
+        turns.append(len(turns))
+        return len(turns) == 5
+
+    files = FragmentFiles(tmp_path, SMALL, lambda *_: None, should_stop)
+    files.save(_fragment(1))
+    second = threading.Thread(target=files.save, args=(_fragment(2),))
+    second.start()
+    until(lambda: len(turns) == 5, 30)
+    second.join(0.2)
+    assert len(turns) == 5 and second.is_alive()
+    disk_is_free.set()
+    second.join()
+    files.wait()

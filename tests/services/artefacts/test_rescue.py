@@ -6,15 +6,23 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import ArenaFolder, disk_folder
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.artefacts.rescue import rescue
 from hsslam_services.commands.rescue import rescue_command
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
+from tests.long_pose_log import KEYFRAMES, long_log
+from tests.node.sources.files.two_cameras import COLOR
 
 
 def test_nothing_is_called_saved_if_there_is_nothing(run_info: RunInfo, tmp_path: Path):
@@ -65,3 +73,41 @@ def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_
         UserError, match=r"belongs to user (nobody|65534): expected the command to run as"
     ):
         rescue_command([str(run_info.path)])
+
+
+@pytest.mark.parametrize("has_moved", [True, False])
+def test_poses_in_a_run_folder_that_was_moved_are_found_and_without_it_keyframes_are_saved(
+    run_info: RunInfo, tmp_path: Path, has_moved: bool
+):
+    """After 34 s at 30 Hz, the older poses lie there."""
+    before, now, memory = (tmp_path / name for name in ("before", "now", "memory"))
+    for folder in (before, memory):
+        folder.mkdir()
+    arena_dir = ArenaFolder("rescued", before, root=memory).path
+    info = replace(run_info, run_dir=str(before), arena_dir=str(arena_dir))
+    info.write_into_arena()
+    MapState.create(arena_dir, localise_only=False).map_epoch = 1
+    arena = Arena(arena_dir)
+    store = KeyframeStore.create(arena, COLOR, 1000.0, 8)
+    blank = np.zeros((COLOR.height_px, COLOR.width_px), np.uint16)
+    for k, T in enumerate(KEYFRAMES):
+        color = np.dstack([blank.astype(np.uint8)] * 3)
+        store.append(Frame(k, k + 1, COLOR, color, blank, 1000.0), T)
+    long_log(arena)
+    arena.move_to_disk("pose_log.000", disk_folder(before, arena_dir))
+    if has_moved:
+        before.rename(now)
+    else:
+        shutil.rmtree(before)
+    now.mkdir(exist_ok=True)
+    update_summary(now, {"given_up": ["trajectories", "mesh"]})
+    not_saved = rescue(arena_dir, now, print)
+    assert len(read_tum(now / "keyframes.txt")) == len(KEYFRAMES)
+    if has_moved:
+        assert not not_saved and len(read_tum(now / "trajectory_online.txt")) > 1024
+        assert read_summary(now)["given_up"] == ["mesh"]
+    else:
+        gone = disk_folder(before, arena_dir) / "pose_log.000.bin"
+        told = f"{gone}: gone with its run folder, and the poses in it"
+        assert not not_saved and not (now / "trajectory.txt").exists()
+        assert read_summary(now)["not_saved"] == {"poses": told}

@@ -242,8 +242,9 @@ def test_a_nearly_full_disk_stops_large_things_until_there_is_room(endpoint, dis
         _spin(recorder, 1.5)
         send(20)
         summary = recorder.close()
-    assert [level for level, _ in events] == ["warning", "info"]
+    assert [level for level, _ in events] == ["warning", "info", "warning"]
     assert "run.rrd" in events[0][1]
+    assert events[2][1].endswith("10 frames are not recorded: the disk was nearly full")
     assert (folder / "run.rrd").stat().st_size > rrd_bytes
     read = read_log(folder / "run.mcap")
     assert [m.index for m in read["out/pose"]] == list(range(30))
@@ -265,7 +266,8 @@ def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch)
     read = read_log(tmp_path / "run.mcap")
     assert len(read["out/pose"]) == 5
     assert "in/frame" not in read
-    assert len(events) == 1 and "disk nearly full" in events[0][1]
+    assert len(events) == 2 and "disk nearly full" in events[0][1]
+    assert events[1][1].endswith("5 frames are not recorded: the disk was nearly full")
     assert summary["frames_dropped"] == 5
 
 

@@ -103,6 +103,34 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]
 
 
+def test_poses_that_come_while_there_is_no_recorder_for_too_long_are_counted(
+    endpoint, tmp_path, start
+):
+    """Their sender keeps the last 600."""
+    with Bus(endpoint, "r", "tracker") as bus:
+        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
+        first = start()
+        until(frames.has_subscribers)
+        for index in range(50):
+            poses.put(pose(index))
+            time.sleep(0.04)  # so that its state is saved once a second
+        first.kill()
+        first.wait()
+        for index in range(50, 800):
+            poses.put(pose(index))
+        second = start()
+        until(frames.has_subscribers)
+        poses.put(pose(800))
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(timeout=20) == 0, second.communicate()
+    assert second.stdout is not None
+    summary = json.loads(second.stdout.read().splitlines()[-1])
+    missing = 801 - summary["poses_logged"]
+    assert 140 <= missing <= 180
+    assert summary["poses_dropped"] == missing and summary["lost"] == {"out/pose": missing}
+    assert not summary["complete"]
+
+
 def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path, start):
     """100 MB are in the log: its successor needs neither time nor memory for them, nor a second copy."""
     with Bus(endpoint, "r", "tracker") as bus:

@@ -11,10 +11,10 @@ import pytest
 from hsslam_node.frame import Frame
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
-from hsslam_proto.run_messages import Health
+from hsslam_proto.run_messages import Health, SourceEnd
 from hsslam_services.arena.arena import Arena
 from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
-from hsslam_services.artefacts.lost_results import POSES_NOT_LOGGED
+from hsslam_services.artefacts.lost_results import LOG_FAILURES, POSES_NOT_LOGGED
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
@@ -29,6 +29,7 @@ from hsslam_services.launch.spawn import Process, spawn
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
+from hsslam_services.supervisor import orderly_end
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
 from tests.node.sources.files.two_cameras import COLOR
 from tests.until import until
@@ -114,7 +115,10 @@ def test_fragments_of_earlier_map_epochs_are_missing_too(run_info):
     ("first_delay_s", "starts", "told"),
     [(0.3, 2, []), (60.0, 1, ["mapper is not running again yet: its last work may be missing"])],
 )
-def test_a_process_that_crashed_just_before_the_end_works_on(run_info, first_delay_s, starts, told):
+def test_a_process_that_crashed_just_before_the_end_works_on(
+    run_info, first_delay_s, starts, told, monkeypatch
+):
+    monkeypatch.setattr(orderly_end, "_LONGEST_RESTART_S", 30.0 if starts == 2 else 0.5)
     (run_info.path / "behaviour").write_text("obedient")
     spec = replace(process_row("mapper"), module=_SAMPLE, first_delay_s=first_delay_s)
     started: list[Process] = []
@@ -168,3 +172,48 @@ def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
     end.to_the_end()
     why = "fragment 2: the disk is full; fragment 3: its tracker ended before: lost"
     assert end.not_saved == {"fragments": why}
+
+
+@pytest.mark.parametrize("stuck", ["camera", "tracker"])
+def test_a_process_that_hangs_does_not_delay_trajectories_and_map(run_info, stuck):
+    """`docker stop` grants 10 s. A tracker may save a fragment, so it is not killed before they are saved."""
+    (run_info.path / "behaviour").write_text("stuck")
+    spec = replace(process_row(stuck), module=_SAMPLE, stop_timeout_s=5.0)
+    child, lines = Child(spec, run_info.path, spawn), []
+    child.wanted = True
+    begun_s: dict[str, list[float]] = {}
+    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
+        heartbeats = bus.subscribe(topics.HEALTH, 16)
+
+        def turn() -> None:
+            for health in heartbeats.drain():
+                child.heard(health)
+            child.tick()
+            time.sleep(0.02)
+
+        def run_alone(module: str, _: Callable[[], bool]) -> str:
+            begun_s.setdefault(module, []).append(time.monotonic() - start_s)
+            is_alive.setdefault(module, child.is_alive)
+            return ""
+
+        until(lambda: turn() or (child.health is not None and child.health.idle_ms > 1000), 30)
+        start_s, is_alive = time.monotonic(), {}
+        end = _end(run_info, run_alone, turn, lines, **{stuck: child})
+        end.state = RunState(source_end=SourceEnd(frame_count=9, last_index=8))
+        end.to_the_end()
+    assert max(begun_s[TRAJECTORY_SAVER][0], begun_s[FINAL_MAP_SAVER][0]) < 4.5
+    # what a tracker has done since may be a fragment that has joined
+    assert len(begun_s[TRAJECTORY_SAVER]) == (2 if stuck == "tracker" else 1)
+    assert is_alive[TRAJECTORY_SAVER] == (stuck == "tracker") and not child.is_alive
+    assert lines == []
+
+
+def test_what_a_killed_recorder_lost_is_missing(run_info):
+    """Its successor has room again, and finishes the log."""
+    recorder = Child(process_row("recorder"), run_info.path)
+    last = {"process": "recorder", "pid": recorder.pid, "state": "running", "rss_bytes": 0}
+    recorder.heard(Health(**last, counters={LOG_FAILURES: 7}))
+    write_result(run_info.path, "recorder", ProcessResult(summary={"log": {"complete": True}}))
+    end = _end(run_info, recorder=recorder)
+    end.to_the_end()
+    assert end.not_saved["log"].startswith("the disk was full, and some messages are lost")

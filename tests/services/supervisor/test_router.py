@@ -115,6 +115,7 @@ def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
         assert {live.process for live in inside.live_processes()} == {"supervisor"}
 
 
+@pytest.mark.alone  # latencies
 @pytest.mark.parametrize("key", ["hsslam/r/out/mesh", "hsslam/r/**"])
 def test_a_frozen_subscriber_delays_no_pose(tmp_path, key):
     port = int(free_endpoint().rpartition(":")[2])
@@ -239,8 +240,10 @@ def _started(code: str, *arguments: str) -> subprocess.Popen:
 @contextmanager
 def _router(folder: Path, **options) -> Iterator[RunRouter]:
     router = open_run_router(ServeOptions(robot="r", **options), folder)
-    yield router
-    router.session.close()
+    try:
+        yield router
+    finally:
+        router.session.close()
 
 
 def _tcp_ports() -> set[int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_services.log.file_index import is_finished
 from hsslam_services.run.exit_code import ExitCode
 from tests.services.serve_process import SMALL_ROOM
 from tests.until import until
@@ -31,6 +32,37 @@ for number, error in enumerate((
     options = parse_command_line([*sys.argv[2:], "--out", f"{sys.argv[1]}/run{number}"])
     print(exit_code(Supervisor(options).run))
 """
+
+
+_CRASH_LATER = """
+import sys
+from hsslam_services.commands.cli import exit_code
+from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.supervisor.run_loop import RunLoop
+from hsslam_services.supervisor.supervisor import Supervisor
+
+start = RunLoop._start_late_processes
+
+def crash(loop):
+    start(loop)
+    if loop._listener.state.tracked > 30:
+        raise RuntimeError("of this program")
+
+RunLoop._start_late_processes = crash
+sys.exit(exit_code(Supervisor(parse_command_line(sys.argv[1:])).run))
+"""
+
+
+def test_after_a_crash_in_the_middle_recorder_and_tracker_end_in_order(tmp_path: Path):
+    """As after a kill of the supervisor: the log is whole."""
+    out = tmp_path / "run"
+    command = [sys.executable, "-c", _CRASH_LATER, *SMALL_ROOM, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == ExitCode.NOT_SAVED, done.stderr
+    arena = Path(json.loads((out / "run.json").read_text())["arena_dir"])
+    until(lambda: not arena.exists(), 60)
+    assert is_finished(out / "run.mcap")
+    assert json.loads((out / "summary.json").read_text())["not_saved"] == {}
 
 
 def test_after_a_crash_of_the_supervisor_the_watchdog_takes_over_and_a_restart_is_asked_for(
