@@ -31,6 +31,8 @@ from hsslam_services.log.reading.files import log_parts
 from hsslam_services.log.reading.reader import bus_messages
 
 _TIMES = 60  # that each file is damaged
+_ALWAYS = ("map.safetensors", "archive.tgz", "color.png", "depth.png")  # a log may be read in part
+_NAMED = ("map.safetensors", "run.mcap")  # in the error; the caller names the others
 _SMALL_FIELD = FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=9)
 _MESH = "hsslam_services.commands.maps.mesh"
 
@@ -66,8 +68,11 @@ def read_by_the_library(experiment: Experiment) -> Finding:
                 reported[name] += 1
                 if "\n" in str(error):
                     wrong.append(f"{name}: more than a line")
+                if name in _NAMED and name not in str(error):
+                    wrong.append(f"{name}: not named in {str(error)!r:.80}")
             except Exception as error:
                 wrong.append(f"{name}: {error!r:.80}")
+    wrong += [f"{name}: {reported[name]} reported" for name in _ALWAYS if reported[name] < _TIMES]
     lines = ", ".join(f"{name} {count}" for name, count in reported.items())
     return Finding(
         bool(wrong), f"errors in one line, of {_TIMES}: {lines}; other: {wrong[:3] or 'none'}"
@@ -82,7 +87,7 @@ def map_given_to_a_command(experiment: Experiment) -> Finding:
     command = [sys.executable, "-P", "-m", _MESH, str(path)]
     done = subprocess.run(command, capture_output=True, text=True)
     lines = done.stderr.strip().splitlines()
-    is_line = len(lines) == 1 and lines[0].startswith("error: ")
+    is_line = len(lines) == 1 and lines[0].startswith("error: ") and "damaged map" in lines[0]
     last = "".join(lines[-1:]).replace(str(path), path.name)
     return Finding(done.returncode != 2 or not is_line, f"exit code {done.returncode}: {last!r}")
 

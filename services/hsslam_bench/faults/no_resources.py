@@ -88,7 +88,11 @@ def log_of_a_process_cannot_be_opened(experiment: Experiment) -> Finding:
     time.sleep(5.0)
     came = len(run.new_poses()) - seen if run.code is None else 0
     is_bad, ended = _ended(run, "mesh.ply")
-    return Finding(came < 30 or is_bad, f"{came} poses in the next 5 s; {ended}")
+    is_reported = "mesher cannot be started" in run.stderr
+    return Finding(
+        came < 30 or is_bad or not is_reported,
+        f"{came} poses in the next 5 s; reported: {is_reported}; {ended}",
+    )
 
 
 def _kill(run: LiveRun, *names: str) -> None:
@@ -99,7 +103,8 @@ def _kill(run: LiveRun, *names: str) -> None:
 
 
 def _ended(run: LiveRun, *also: str) -> tuple[bool, str]:
-    """End the run; returns whether a traceback was printed or a result is missing, and the end in words.
+    """End the run; returns whether a traceback was printed, a result is missing or the exit code says so, and
+    the end in words.
 
     `also`: files that it must write besides trajectory and map.
     """
@@ -109,7 +114,7 @@ def _ended(run: LiveRun, *also: str) -> tuple[bool, str]:
     lost = run.missing("trajectory.txt", "map.safetensors", *also)
     has_trace = "Traceback" in run.stderr
     words = f"exit code {code}; traceback: {has_trace}; not written: {lost or 'nothing'}"
-    return has_trace or bool(lost), words
+    return has_trace or bool(lost) or code not in (0, 3), words
 
 
 @contextlib.contextmanager

@@ -74,7 +74,7 @@ def disk_is_full(experiment: Experiment) -> Finding:
             for name, size in sizes[1].items()
             if name.endswith((".rrd", ".mcap")) and size - sizes[0].get(name, 0) > 2_000_000
         }
-        is_reported = "disk" in run.stderr
+        is_reported = "disk nearly full" in run.stderr
         experiment.close()
     finally:
         subprocess.run(["umount", "--lazy", str(disk)], check=False)

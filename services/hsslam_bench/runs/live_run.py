@@ -119,6 +119,19 @@ class LiveRun:
         self.poses.extend(self._pose_subscription.drain())
         return self.poses
 
+    def latencies_ms(self, seconds: float) -> list[float]:
+        """Time from its stamp to its arrival here of each pose that arrives in the next seconds."""
+        assert self.bus
+        end_s, found = time.monotonic() + seconds, []
+        while (left_s := end_s - time.monotonic()) > 0:
+            received = self._pose_subscription.poll_received()
+            if received is None:
+                self.bus.wait(min(left_s, 0.1))
+                continue
+            self.poses.append(received.message)
+            found.append((received.arrival_ns - received.message.stamp_ns) / 1e6)
+        return found
+
     def wait_until_ready(self, timeout_s: float = 120) -> None:
         """Return when tracker and mapper are running."""
 

@@ -31,9 +31,10 @@ class Memory:
 
 
 def memory_of(run: LongRun) -> Memory:
-    """Memory figures of a run; the means are those of each minute after the first sixth of the run."""
+    """Memory figures of a run; the means are those of each minute after the first sixth of the run, but for
+    an incomplete one at the end, in which the first processes may have ended."""
     times, sizes = np.array(run.memory_mb()).T if run.memory_mb() else np.zeros((2, 0))
-    late = times > run.minutes * _WARM_SHARE
+    late = (times > run.minutes * _WARM_SHARE) & (times < max(np.floor(run.minutes), 1))
     if not late.any():
         return Memory((), math.inf, math.inf, math.inf)
     minutes = np.floor(times[late]).astype(int)
