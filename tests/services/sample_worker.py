@@ -1,6 +1,7 @@
 """A process of the service's kind that behaves as the file `behaviour` of its run folder says."""
 
 import atexit
+import contextlib
 import os
 import signal
 import subprocess
@@ -60,7 +61,7 @@ def _run(worker: Worker) -> None:
         _ = bytearray(1_000_000_000)
     (worker.run.path / "at_work").touch()
     if behaviour == "starved":
-        _starve(seconds=6.0)
+        _starve(seconds=3.0)
     if behaviour in ("deaf", "stuck"):
         time.sleep(60)
     if behaviour == "crash":
@@ -79,8 +80,9 @@ def _run(worker: Worker) -> None:
 
 
 def _starve(seconds: float) -> None:
-    """Compute at the lowest priority on a core that other processes use."""
-    core = min(os.sched_getaffinity(0))
+    """Compute at the lowest priority on a core that other processes use; then as before."""
+    cores = os.sched_getaffinity(0)
+    core = min(cores)
     spin = f"import os, time; os.sched_setaffinity(0, [{core}]); end_s = time.monotonic() + {seconds}\n"
     others = [
         subprocess.Popen([sys.executable, "-c", spin + "while time.monotonic() < end_s: pass"])
@@ -91,6 +93,10 @@ def _starve(seconds: float) -> None:
         os.sched_setscheduler(thread, os.SCHED_IDLE, os.sched_param(0))
     while any(other.poll() is None for other in others):
         sum(range(1000))
+    with contextlib.suppress(PermissionError):  # only root may
+        for thread in (int(task.name) for task in Path("/proc/self/task").iterdir()):
+            os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
+            os.sched_setaffinity(thread, cores)
 
 
 def main() -> None:

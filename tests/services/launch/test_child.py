@@ -171,6 +171,7 @@ def test_frozen_process_is_replaced(watch):
     assert "no heartbeat" in child.news[0]
 
 
+@pytest.mark.alone
 def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     start, until = watch
     child = start("starved", health_timeout_s=1.0)
@@ -181,6 +182,7 @@ def test_a_process_that_gets_no_core_on_a_busy_machine_is_not_killed(watch):
     assert (child.pid, child.restarts, child.news) == (pid, 0, [told])
 
 
+@pytest.mark.alone
 def test_a_process_that_gets_no_core_has_longer_to_end(watch, run_info: RunInfo):
     start, until = watch
     child = start("starved", stop_timeout_s=1.0)

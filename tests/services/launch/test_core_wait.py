@@ -51,6 +51,7 @@ def test_a_process_that_sleeps_or_is_frozen_or_has_ended_waits_for_no_core(start
     assert not _is_starved(sleeping)
 
 
+@pytest.mark.alone
 def test_a_process_of_the_lowest_priority_on_a_busy_core_waits_for_it(start):
     core = min(os.sched_getaffinity(0))
     low, _, _ = (start(_SPIN.format(core)) for _ in range(3))

@@ -83,7 +83,7 @@ def test_killed_supervisor_leaves_nothing(tmp_path: Path, behaviour: str, is_rea
         _wait_for_work(tmp_path)
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
-    _wait_for_ends(pids, 6.0)
+    _wait_for_ends(pids, 30.0)
     assert not (tmp_path / "hsslam-test").exists()
     assert (tmp_path / "ended").exists() == (behaviour == "obedient" and is_ready == 1)
 
@@ -99,7 +99,7 @@ def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(
     _wait_for_work(tmp_path)
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
-    _wait_for_ends(pids, 6.0)
+    _wait_for_ends(pids, 30.0)
     assert (tmp_path / "map.safetensors").read_text() == "of the run before"
     assert not ReplacedResults(tmp_path).exists
 
@@ -107,7 +107,7 @@ def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(
 def test_orderly_end_needs_no_watchdog(tmp_path: Path):
     supervisor, pids = _start(tmp_path, "obedient", 1.5, poses=2)
     assert supervisor.wait(10) == 0
-    _wait_for_ends(pids, 2.0)
+    _wait_for_ends(pids, 30.0)
     assert not (tmp_path / "summary.json").exists()  # it saved nothing
 
 

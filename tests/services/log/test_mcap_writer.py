@@ -88,9 +88,11 @@ while True:
 """
     writer = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert writer.stdout is not None
-    while int(writer.stdout.readline()) < 400:  # 2 s or more
-        pass
-    writer.send_signal(signal.SIGKILL)
+    try:
+        while int(writer.stdout.readline()) < 400:  # 2 s or more
+            pass
+    finally:
+        writer.kill()
     written = int(["400", *writer.communicate()[0].split()[:-1]][-1])  # the last may be cut off
     with path.open("ab") as stream:  # and the last record torn
         stream.write(b"\x06\xff\x00\x00\x00\x00\x00\x00\x00torn")

@@ -59,8 +59,10 @@ def _without_rights_of_root() -> Iterator[None]:
     own = os.geteuid()
     if own == 0:
         os.seteuid(54321)
-    yield
-    os.seteuid(own)
+    try:
+        yield
+    finally:
+        os.seteuid(own)
 
 
 def test_a_log_of_another_user_is_one_line(tmp_path, capsys):
