@@ -112,14 +112,15 @@ def choose_torch(wish: str) -> tuple[str, str]:
     if wish != "auto":
         return wish, f"TORCH={wish} is set"
     sys.path.insert(0, str(ROOT))
-    from hsslam_node.device.cuda_driver import driver_version, has_cuda_driver
+    from hsslam_node.device.cuda_driver import driver_version, has_cuda_driver, newest_cuda
 
-    return fitting_torch(has_cuda_driver(), driver_version())
+    return fitting_torch(has_cuda_driver(), driver_version(), newest_cuda())
 
 
-def fitting_torch(has_driver: bool, version: str) -> tuple[str, str]:
-    """The same by the CUDA driver and its version, which is empty if it is not known."""
-    from hsslam_node.device.cuda_driver import OLDEST_DRIVER, is_too_old
+def fitting_torch(has_driver: bool, version: str, cuda: int) -> tuple[str, str]:
+    """The same by the CUDA driver, its version, empty if not known, as on WSL and Jetson, and the newest CUDA
+    that it runs, such as 12060; 0: not known."""
+    from hsslam_node.device.cuda_driver import OLDEST_CUDA, OLDEST_DRIVER, is_too_old
 
     if not has_driver:
         return "cpu", "this machine has no CUDA driver (TORCH=cuda decides otherwise)"
@@ -127,6 +128,12 @@ def fitting_torch(has_driver: bool, version: str) -> tuple[str, str]:
     if is_too_old(version):
         needed = f"{OLDEST_DRIVER} or newer is needed (TORCH=cuda decides otherwise)"
         return "cpu", f"this machine has {driver}, and {needed}"
+    if not version and cuda < OLDEST_CUDA:
+        known = f"for CUDA {cuda // 1000}.{cuda % 1000 // 10}" if cuda else "of unknown version"
+        needed = (
+            f"one for CUDA {OLDEST_CUDA // 1000} or newer is needed (TORCH=cuda decides otherwise)"
+        )
+        return "cpu", f"this machine has a driver {known}, and {needed}"
     return "cuda", f"this machine has {driver} (TORCH=cpu decides otherwise)"
 
 

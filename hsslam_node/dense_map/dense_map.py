@@ -113,9 +113,9 @@ class DenseMap:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
         A ray that starts behind a surface must come out before it can hit one. A surface that no keyframe
-        saw, or that keyframes saw through later, is no hit: the ray passes it. If a ray passes a surface that
-        keyframes measured and the field lacks, it ends there, to 5 cm. A ray that reaches the map after more
-        than 10^9 m hits nothing.
+        saw, or that keyframes saw through later, is no hit: the ray passes it. A ray that meets a surface
+        that keyframes measured, and then none of the field within 10 cm, ends there, to 5 cm. A ray that
+        reaches the map after more than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 OLDEST_DRIVER = 580  # major version that CUDA 13 needs, with which PyPI's PyTorch is built
+OLDEST_CUDA = 13000
 
 _VERSION_FILE = Path("/proc/driver/nvidia/version")  # not on WSL and Jetson
 
@@ -33,6 +34,16 @@ def driver_version(file: Path = _VERSION_FILE) -> str:
         return ""
     found = re.search(r"\d+(\.\d+)+", first)
     return found[0] if found else ""
+
+
+def newest_cuda() -> int:
+    """The newest CUDA that the driver's library can run, such as 12060 for 12.6; 0 if unknown."""
+    version = ctypes.c_int(0)
+    try:
+        failed = ctypes.CDLL("libcuda.so.1").cuDriverGetVersion(ctypes.byref(version))
+    except (OSError, AttributeError):
+        return 0
+    return 0 if failed else version.value
 
 
 def is_too_old(version: str) -> bool:

@@ -16,7 +16,13 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_node.device.cuda_driver import driver_version, has_cuda_driver, is_too_old
+from hsslam_node.device.cuda_driver import (
+    OLDEST_CUDA,
+    driver_version,
+    has_cuda_driver,
+    is_too_old,
+    newest_cuda,
+)
 from requirements.install import fitting_torch, torch_requirement, why_unreachable
 
 ROOT = Path(__file__).parents[2]
@@ -142,7 +148,8 @@ def test_cuda_takes_the_build_of_pypi_though_a_cpu_wheel_counts_as_newer(
 def test_the_machine_decides_unless_a_user_does(environment, indexes, tool_path):
     code, (line,) = _install(environment, indexes, tool_path)
     assert code == 0
-    is_fit = has_cuda_driver() and not is_too_old(driver_version())
+    is_known = bool(driver_version()) or newest_cuda() >= OLDEST_CUDA
+    is_fit = has_cuda_driver() and is_known and not is_too_old(driver_version())
     assert ("with CUDA, as this machine has CUDA driver" in line) == is_fit
     assert _version(environment) == (_RELEASE if is_fit else f"{_RELEASE}+cpu")
 
@@ -152,22 +159,39 @@ def test_the_driver_s_library_makes_it_a_machine_for_cuda(
 ):
     shutil.copy(_json.__file__, tmp_path / "libcuda.so.1")  # any library that can be loaded
     _, (line,) = _install(environment, indexes, tool_path, LD_LIBRARY_PATH=str(tmp_path))
-    assert "this machine has CUDA driver" in line
+    assert "this machine has a driver of unknown version" in line or "has CUDA driver" in line
 
 
 @pytest.mark.parametrize(
-    ("version", "build", "reason"),
+    ("version", "cuda", "build", "reason"),
     [
-        ("535.54.03", "cpu", "CUDA driver 535.54.03, and 580 or newer is needed (TORCH=cuda "),
-        ("580.65.06", "cuda", "CUDA driver 580.65.06 (TORCH=cpu "),
-        ("", "cuda", "CUDA driver (TORCH=cpu "),
+        (
+            "535.54.03",
+            12020,
+            "cpu",
+            "CUDA driver 535.54.03, and 580 or newer is needed (TORCH=cuda ",
+        ),
+        ("580.65.06", 13000, "cuda", "CUDA driver 580.65.06 (TORCH=cpu "),
+        ("", 13000, "cuda", "CUDA driver (TORCH=cpu "),  # WSL, Jetson
+        (
+            "",
+            12060,
+            "cpu",
+            "a driver for CUDA 12.6, and one for CUDA 13 or newer is needed (TORCH=cuda ",
+        ),
+        (
+            "",
+            0,
+            "cpu",
+            "a driver of unknown version, and one for CUDA 13 or newer is needed (TORCH=cuda ",
+        ),
     ],
 )
 def test_a_driver_that_pytorch_cannot_use_brings_no_large_download(
-    version: str, build: str, reason: str
+    version: str, cuda: int, build: str, reason: str
 ):
     end = "decides otherwise)"
-    assert fitting_torch(True, version) == (build, f"this machine has {reason}{end}")
+    assert fitting_torch(True, version, cuda) == (build, f"this machine has {reason}{end}")
 
 
 @pytest.mark.parametrize("index", [_refusing, lambda: "http://no.such.host.invalid", lambda: "cpu"])
