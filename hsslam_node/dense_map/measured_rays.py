@@ -26,9 +26,8 @@ def measured_reach(
     near, far = box.reach(transformed(T, origins), directions @ T[:3, :3].T)
     far = np.minimum(far, most_m)
     reach, z = np.full(len(origins), np.inf), np.maximum(near, 0.0)
-    last_m = np.full(
-        len(origins), np.nan
-    )  # distance at the step before; nan: it was not free there
+    # distance at the step before; nan: it was not free there
+    last_m = np.full(len(origins), np.nan)
     active = np.flatnonzero(z < far)
     while len(active):
         at = origins[active] + z[active, None] * directions[active]

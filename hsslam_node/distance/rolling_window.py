@@ -120,7 +120,8 @@ class RollingWindow:
         is_new &= self.floor is not None and self.floor.source != "gravity"
         height_m = self._height_m(T_world_cam)
         is_on_another = self.floor is not None and not -_BELOW < height_m / self._size_m[2] < 1
-        is_on_another &= abs(height_m - self._looked_from_m) > _STOREY_M / 2  # looked there already
+        # else it has looked from there already
+        is_on_another &= abs(height_m - self._looked_from_m) > _STOREY_M / 2
         is_due = self.floor is None or count >= 2 * self._looked_at or is_new
         if not (is_due or is_on_another):
             return False

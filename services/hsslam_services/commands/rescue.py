@@ -127,9 +127,8 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)
-    shutil.rmtree(
-        disk_folder(run_dir, arena_dir), ignore_errors=True
-    )  # of a run folder that was moved
+    # the arrays in a run folder that was moved
+    shutil.rmtree(disk_folder(run_dir, arena_dir), ignore_errors=True)
     return _report_end(run_dir, left)
 
 

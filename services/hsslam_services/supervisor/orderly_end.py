@@ -38,9 +38,7 @@ _HANGS_MS = 1000.0  # without a turn of its loop, a tracker gives no pose
 _LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may never come
 _LONGEST_CAMERA_S = 3.0  # in real time: it has nothing to finish, but a driver may hang
 _KILL_S = 0.5  # of these, a process that hangs in a driver is left to itself
-_TRACKER_FIRST_S = (
-    2.0  # in real time; then other results are saved while it saves a fragment, or hangs
-)
+_TRACKER_FIRST_S = 2.0  # in real time; then results are saved while it saves a fragment, or hangs
 _LONGEST_RESTART_S = 3.0  # of a process that crashed just before the end
 _FINISHES_WORK = ("recorder", "mapper", "global_ba")  # processes that work on when they are stopped
 

@@ -86,9 +86,8 @@ class Supervisor:
                 except UserError:
                     run.kill_all()
                     raise
-                except (
-                    BaseException
-                ):  # the processes end by themselves when this one is gone, with results
+                except BaseException:
+                    # the processes end by themselves when this one is gone, with their results
                     run.drain()
                     raise
                 run.kill_all()
