@@ -1,7 +1,8 @@
 """What the end of a run calls missing."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,6 +40,21 @@ _SAMPLE = "tests.services.sample_worker"
 
 def process_row(name: str) -> ProcessSpec:
     return next(spec for spec in PROCESSES if spec.name == name)
+
+
+@contextmanager
+def _turn_of(run_info: RunInfo, child: Child) -> Iterator[Callable[[], None]]:
+    """One turn of the supervisor's loop for one process: its heartbeats, then its state."""
+    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
+        heartbeats = bus.subscribe(topics.HEALTH, 16)
+
+        def turn() -> None:
+            for health in heartbeats.drain():
+                child.heard(health)
+            child.tick()
+            time.sleep(0.02)
+
+        yield turn
 
 
 def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_short(run_info):
@@ -129,15 +145,7 @@ def test_a_process_that_crashed_just_before_the_end_works_on(
 
     mapper, lines = Child(spec, run_info.path, start), []
     mapper.wanted = True
-    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
-        heartbeats = bus.subscribe(topics.HEALTH, 16)
-
-        def turn() -> None:
-            for health in heartbeats.drain():
-                mapper.heard(health)
-            mapper.tick()
-            time.sleep(0.02)
-
+    with _turn_of(run_info, mapper) as turn:
         until(lambda: turn() or mapper.state == "running", 30)
         started[0].kill()
         until(lambda: turn() or mapper.state == "waiting", 30)
@@ -182,14 +190,7 @@ def test_a_process_that_hangs_does_not_delay_trajectories_and_map(run_info, stuc
     child, lines = Child(spec, run_info.path, spawn), []
     child.wanted = True
     begun_s: dict[str, list[float]] = {}
-    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
-        heartbeats = bus.subscribe(topics.HEALTH, 16)
-
-        def turn() -> None:
-            for health in heartbeats.drain():
-                child.heard(health)
-            child.tick()
-            time.sleep(0.02)
+    with _turn_of(run_info, child) as turn:
 
         def run_alone(module: str, _: Callable[[], bool]) -> str:
             begun_s.setdefault(module, []).append(time.monotonic() - start_s)
