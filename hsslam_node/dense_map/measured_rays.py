@@ -8,9 +8,8 @@ from hsslam_node.geometry.se3 import transformed
 
 _SHORTEST_STEP = 0.2  # in voxels
 _UNKNOWN_STEP = 0.5  # in voxels, where nothing is known
-_AT_SURFACE = (
-    0.2  # in voxels: a ray that comes so near to a surface and then to unseen space has entered it
-)
+# in voxels: a ray that comes so near to a surface and then to unseen space has entered it
+_AT_SURFACE = 0.2
 
 
 def measured_reach(

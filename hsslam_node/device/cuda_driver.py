@@ -20,7 +20,7 @@ def has_cuda_driver() -> bool:
     if Path("/dev/nvidiactl").exists():
         return True
     try:
-        ctypes.CDLL("libcuda.so.1")
+        _library()
     except OSError:
         return False
     return True
@@ -40,10 +40,15 @@ def newest_cuda() -> int:
     """The newest CUDA that the driver's library can run, such as 12060 for 12.6; 0 if unknown."""
     version = ctypes.c_int(0)
     try:
-        failed = ctypes.CDLL("libcuda.so.1").cuDriverGetVersion(ctypes.byref(version))
+        failed = _library().cuDriverGetVersion(ctypes.byref(version))
     except (OSError, AttributeError):
         return 0
     return 0 if failed else version.value
+
+
+def _library() -> ctypes.CDLL:
+    """The driver's library. Raises OSError if it cannot be loaded."""
+    return ctypes.CDLL("libcuda.so.1")
 
 
 def is_too_old(version: str) -> bool:

@@ -7,9 +7,8 @@ from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import read_summary
 
 POSES_NOT_LOGGED = "poses not logged"  # counter of the tracker, and in its summary
-LOG_FAILURES = (
-    "log failures"  # counter of the recorder: messages refused, and a disk that is not written
-)
+# counter of the recorder: messages refused, and a disk that is not written
+LOG_FAILURES = "log failures"
 LOST_FOREVER = frozenset({"log", "fragments", "poses"})  # of the names in `not_saved`
 
 

@@ -80,9 +80,10 @@ MAP_SAVER = "hsslam_services.processes.map_saver"
 TRAJECTORY_SAVER = "hsslam_services.processes.trajectory_saver"
 FINAL_MAP_SAVER = "hsslam_services.processes.final_map_saver"
 MESH_SAVER = "hsslam_services.processes.mesh_saver"
+_READING_TIMEOUT_S = 4 * 3600.0  # of a bag or log of a terabyte, which is read once
 ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     WARM_UP: 600.0,
-    MAP_LOADER: 4 * 3600.0,  # it reads a recording once, as the camera does
+    MAP_LOADER: _READING_TIMEOUT_S,
     MAP_SAVER: 300.0,
     FINAL_MAP_SAVER: 600.0,
     MESH_SAVER: 3600.0,  # it shows its progress; a second signal ends it
@@ -133,7 +134,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=CAMERA_STAGE,
         reads_source=True,
         may_finish=True,
-        recording_startup_timeout_s=4 * 3600.0,  # of a bag or log of a terabyte
+        recording_startup_timeout_s=_READING_TIMEOUT_S,
         stall_timeout_s=60.0,  # it never waits longer than a second
     ),
     _row(
