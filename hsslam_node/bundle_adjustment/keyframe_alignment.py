@@ -112,7 +112,7 @@ class KeyframeAlignment:
     def _prepared(self, k: int) -> ReferenceKeyframe:
         frame, c = self._store.frame(k), self._tracker
         views = views_near(self._store, k, frame, c.reference_views)
-        return reference_keyframe(k, frame, self._pyramid(k), c.photometric_pixels, views)
+        return reference_keyframe(k, frame, self._pyramid(k), c, views)
 
 
 def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:

@@ -28,11 +28,12 @@ class TrackerConfig:
     points: int = 2000
     """Depth points that are aligned to the SDF, 100 or more."""
     surface_points: int = 0
-    """Depth points that are aligned to the keyframe's surface if depth is noisy; no effect below `points`."""
+    """Depth points that are aligned to the keyframe's surface if depth is averaged; `points` if more."""
     border_px: int = 8
     """Image border without points, px."""
     depth_window_px: int = 1
-    """Side of the square whose mean depth a point has, px; even values are rounded up, 1 turns it off."""
+    """Side of the square whose mean depth a point has, px; even values are rounded up, 1 turns it off. Depth
+    is averaged only if it is noisy and the noise of neighbouring pixels is independent."""
     max_depth_m: float = 6.0
     """Ignore depth beyond this, m."""
     iterations: int = 4
@@ -59,12 +60,14 @@ class TrackerConfig:
     """Standard deviation of this distance without depth noise, m."""
     surface_noise: float = 0.5
     """Share of the keyframe's measured depth noise that is added to this standard deviation."""
+    surface_noise_averaged: float = 0.2
+    """The same share if depth is averaged over pixels."""
     surface_kernel: float = 4.0
     """Distances of more than this many standard deviations, depth noise included, lose weight."""
     surface_gate_m: float = 0.05
     """Points farther than this from the keyframe's surface do not overlap it, m."""
     reference_views: int = 0
-    """Average noisy depth of the reference keyframe over up to N keyframes next to it."""
+    """Average depth of the reference keyframe over up to N keyframes next to it, if pixels are averaged."""
     reference_overlap: float = 0.7
     """Change the reference keyframe if a smaller share of its pixels is in view, 0 to 1."""
     reference_coverage: float = 0.6
@@ -112,7 +115,7 @@ class TrackerConfig:
         expect_not_negative(self, "tracker", "sdf_weight", "reference_views", "surface_points")
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
         expect_positive(self, "tracker", "surface_gate_m", "surface_sigma_m", "surface_kernel")
-        expect_not_negative(self, "tracker", "surface_noise")
+        expect_not_negative(self, "tracker", "surface_noise", "surface_noise_averaged")
         expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
         expect_positive(self, "tracker", "longest_gap_s", "weak_direction_m")
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)

@@ -2,17 +2,28 @@
 
 Twists as in `moved_about_camera`: translation (m) of the camera's centre, rotation (rad) about it, both
 in world axes. Errors of neighbouring points and pixels correlate, so each term counts as fewer of them,
-by a factor that is the same for all sequences; `hsslam-bench --only covariance` measures it.
+by a factor that is the same for all sequences of averaged depth, and of depth as measured;
+`hsslam-bench --only covariance` measures it.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hsslam_node.geometry.se3 import skew
 
-_PHOTOMETRIC_CORRELATION = 5.0  # pixels that count as one
-_SURFACE_CORRELATION = 1.5  # points, likewise
+
+class Correlation(NamedTuple):
+    """How many pixels, and how many points, count as one."""
+
+    pixels: float
+    points: float
+
+
+_AS_MEASURED = Correlation(5.0, 1.5)
+# with averaged depth points err less than their term assumes
+_AVERAGED = Correlation(9.0, 0.3)
 _LEAST_COST = 0.05  # two equal images do not make a pose certain
 # [6, 6] m, rad: of the motion to a keyframe if tracking was lost after the keyframe before it, until
 # bundle adjustment has aligned it to others
@@ -33,6 +44,7 @@ class Evidence:
     H_photometric: np.ndarray  # [8, 8]
     surface_cost: float
     photometric_cost: float
+    is_averaged: bool = False  # depth of frame and keyframe, over pixels
 
     def covariance(self) -> np.ndarray:
         """[6, 6] of the pose relative to its keyframe.
@@ -40,8 +52,9 @@ class Evidence:
         A sandwich estimator: each term's information is scaled by the measured variance of its residuals.
         The map's term is not: it has a small weight already, as its errors correlate.
         """
-        surface = _SURFACE_CORRELATION * max(self.surface_cost, _LEAST_COST)
-        photometric = _PHOTOMETRIC_CORRELATION * max(self.photometric_cost, _LEAST_COST)
+        correlation = _AVERAGED if self.is_averaged else _AS_MEASURED
+        surface = correlation.points * max(self.surface_cost, _LEAST_COST)
+        photometric = correlation.pixels * max(self.photometric_cost, _LEAST_COST)
         noise = (
             self.H + (surface - 1) * self.H_surface + (photometric - 1) * self.H_photometric
         )  # [8, 8]

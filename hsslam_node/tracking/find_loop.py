@@ -125,7 +125,7 @@ def _refined(
     points = frame_points(frame, config, seed)
     if len(points) == 0:
         return None
-    reference = reference_keyframe(0, keyframe, grey_pyramid(keyframe), config.photometric_pixels)
+    reference = reference_keyframe(0, keyframe, grey_pyramid(keyframe), config)
     aligned = align(points, grey_pyramid(frame), T_keyframe_cam, None, reference, np.eye(4), config)
     return aligned.T_world_cam if np.isfinite(aligned.T_world_cam).all() else None
 

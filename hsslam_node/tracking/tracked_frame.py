@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.depth_noise import surface_limit
+from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
@@ -157,13 +157,20 @@ class TrackResult:
         )  # fmt: skip
 
 
-def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
-    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge; if depth is
-    noisy, `config.surface_points` if that is more."""
+def frame_points(
+    frame: Frame, config: TrackerConfig, seed: int, averaging: float | None = None
+) -> np.ndarray:
+    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge; if their
+    depth is averaged, `config.surface_points` if that is more.
+
+    `averaging`: the `averaging_limit` of a frame of the same camera, 1/m; None: it is measured.
+    """
     camera = frame.camera
     aspect = camera.width_px / camera.height_px
     radius_px = config.depth_window_px // 2
-    limit = surface_limit(frame) if radius_px or config.surface_points else 0.0
+    limit = 0.0
+    if radius_px:
+        limit = averaging_limit(frame) if averaging is None else averaging
     wanted = max(config.points, config.surface_points) if limit else config.points
     # a fifth more cells than points: some fall on edges and holes
     rows = max(1, round(np.sqrt(1.2 * wanted / aspect)))
@@ -173,7 +180,7 @@ def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     max_depth_m = np.float32(config.max_depth_m)
     n = sample_points(
-        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px,
-        limit if radius_px else 0.0, points,
+        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px, limit,
+        points,
     )  # fmt: skip
     return points[:n]

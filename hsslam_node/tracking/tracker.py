@@ -154,7 +154,10 @@ class Tracker:
         is_left_out = not self._uses_map and not self._motion.lost_frames
         if (is_beside or is_left_out) and not localise_only:
             view = None
-        return Observation.of(frame, view, self._config, self._seed, localise_only=localise_only)
+        return Observation.of(
+            frame, view, self._config, self._seed,
+            localise_only=localise_only, averaging=self._aligner.averaging,
+        )  # fmt: skip
 
     def _start(self, seen: Observation) -> TrackResult:
         frame = seen.frame

@@ -34,8 +34,8 @@ ZERO_OR_MORE = {
     "field": "hash_levels",
     "weights": "color depth sdf_middle sdf_tail free_space blind_color patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats pose_rate",
-    "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope sdf_weight "
-    "reference_views surface_points",
+    "tracker": "border_px photometric_pixels surface_weight surface_noise surface_noise_averaged "
+    "sdf_sigma_slope sdf_weight reference_views surface_points",
     "rendering_tracker": "settling_iterations outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "pose_graph": "loops least_shift_m",

@@ -31,9 +31,10 @@ class Observation:
         seed: int,
         *,
         localise_only: bool,
+        averaging: float | None = None,
     ) -> "Observation":
-        """Build the image pyramid and choose the depth points; `seed` places them."""
-        points = frame_points(frame, config, seed)
+        """Build the image pyramid and choose the depth points, as in `frame_points`; `seed` places them."""
+        points = frame_points(frame, config, seed, averaging)
         return cls(frame, grey_pyramid(frame), points, view, localise_only)
 
     @property

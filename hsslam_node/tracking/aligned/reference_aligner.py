@@ -58,6 +58,11 @@ class ReferenceAligner:
         assert self.reference is not None
         return self.reference.keyframe.id
 
+    @property
+    def averaging(self) -> float | None:
+        """The `averaging_limit` of the reference keyframe, 1/m; None without one."""
+        return self.reference.keyframe.averaging_limit if self.reference else None
+
     def align(
         self, seen: Observation, T: np.ndarray, doubt: np.ndarray | None = None
     ) -> Alignment | None:
@@ -128,8 +133,7 @@ class ReferenceAligner:
 
     def refer_to_new(self, k: int, frame: Frame, levels: tuple[PyramidLevel, ...]) -> None:
         """Align to a frame that has just become keyframe k."""
-        pixels = self._config.photometric_pixels
-        self.reference = Reference(reference_keyframe(k, frame, levels, pixels))
+        self.reference = Reference(reference_keyframe(k, frame, levels, self._config))
 
     def refer_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
         """Align to the keyframe that shows most of a frame at about T_world_cam [4, 4]."""
@@ -142,8 +146,7 @@ class ReferenceAligner:
         """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""
         levels = seen.levels if frame is seen.frame else grey_pyramid(frame)
         views = views_near(self._store, k, frame, self._config.reference_views)
-        pixels = self._config.photometric_pixels
-        self._next = lambda: Reference(reference_keyframe(k, frame, levels, pixels, views))
+        self._next = lambda: Reference(reference_keyframe(k, frame, levels, self._config, views))
 
     def refer_next_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
         """Align the next frame to the keyframe that shows clearly more of this one, if one does."""

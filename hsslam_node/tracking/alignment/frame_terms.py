@@ -44,6 +44,7 @@ class NormalEquations:
     photo_inliers: int = 0
     photo_seen: int = 0
     photo_cost: float = 0.0
+    is_averaged: bool = False  # depth, over pixels
     H_before_surface: np.ndarray | None = None  # upper half, as the following
     H_before_photo: np.ndarray | None = None
 
@@ -57,6 +58,7 @@ class NormalEquations:
             H_photometric=_mirrored(self.H - before_photo),
             surface_cost=self.surface_cost / max(self.surface_met, 1),
             photometric_cost=self.photo_cost / max(self.photo_seen, 1),
+            is_averaged=self.is_averaged,
         )
 
 
@@ -109,11 +111,13 @@ class FrameTerms:
             sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide, for the coarse levels
             if fine:
                 sigma_m, noise = c.surface_sigma_m, self._reference.depth_noise
+            system.is_averaged = self._reference.averaging_limit > 0
+            share = c.surface_noise_averaged if system.is_averaged else c.surface_noise
             system.H_before_surface = system.H.copy()
             found = add_keyframe_surface_term(
                 points, world, centre, self._T_ref_world, self._reference.surface_points,
                 self._reference.surface_normals, self._reference.surface_K,
-                k * sigma_m, k * noise, c.surface_noise, c.surface_kernel, c.sdf_huber_m, c.surface_gate_m,
+                k * sigma_m, k * noise, share, c.surface_kernel, c.sdf_huber_m, c.surface_gate_m,
                 system.H, system.b,
             )  # fmt: skip
             system.surface_cost, system.surface_inliers, system.surface_met = found

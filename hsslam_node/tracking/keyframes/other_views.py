@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.depth_noise import surface_limit
+from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.tracking.view_mean import add_view
@@ -21,7 +21,7 @@ class OtherViews:
     depth_raw: tuple[np.ndarray, ...]  # n times [H, W] uint16
     K: np.ndarray  # [4] float64
     metres_per_unit: float
-    gate: float  # 1/m, limit for inverse depths of one surface; 0: depth is exact
+    gate: float  # 1/m, limit for inverse depths of one surface; 0: depth is not averaged
 
     def averaged(self, rays: np.ndarray, depth_m: np.ndarray, pixels: float) -> np.ndarray:
         """Depth [N] m along rays [N, 2] (x, y at z = 1, camera of the keyframe), averaged over all views.
@@ -39,8 +39,8 @@ class OtherViews:
 
 def views_near(store: KeyframeStore, k: int, frame: Frame, most: int) -> OtherViews:
     """Views of up to `most` keyframes next to keyframe k, which is `frame`, at their current poses; none if
-    its depth is exact."""
-    c, gate = frame.camera, _GATE * surface_limit(frame)
+    its depth is exact or neighbouring pixels err alike."""
+    c, gate = frame.camera, _GATE * averaging_limit(frame)
     near = [j for j in _next_to(k, most, store.count) if store.is_kept(j)][:most] if gate else []
     poses = store.poses_of(np.array([k, *near], np.int64))
     T_view_key, depth = [], []

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
+from hsslam_node.depth_noise import EXACT_NOISE, averaging_limit, depth_noise
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
@@ -41,6 +41,7 @@ class ReferenceKeyframe:
     surface_normals: np.ndarray  # [h, w, 3] float32, 0 = none
     surface_K: np.ndarray  # [4] float64
     depth_noise: float  # 1/m, of the inverse depth
+    averaging_limit: float  # 1/m, see `depth_noise.py`; 0: depth is not averaged over pixels
 
 
 def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
@@ -83,16 +84,16 @@ def reference_keyframe(
     id: int,
     frame: Frame,
     levels: tuple[PyramidLevel, ...],
-    pixels: int,
+    config: TrackerConfig,
     views: OtherViews | None = None,
 ) -> ReferenceKeyframe:
-    """Prepare a keyframe: about `pixels` salient pixels per level, and its surface with normals.
+    """Prepare a keyframe: `config.photometric_pixels` salient pixels per level, and its surface with normals.
 
     `views`: keyframes near it; noisy depth is averaged over those that see the same surface.
     """
     points, greys = [], []
     for level in levels:
-        p, g = _salient_pixels(level, pixels)
+        p, g = _salient_pixels(level, config.photometric_pixels)
         if views:
             averaged = (frame.camera.width_px // level.grey.shape[1]) ** 2
             p *= (views.averaged(p[:, :2] / p[:, 2:], p[:, 2], averaged) / p[:, 2])[:, None]
@@ -100,8 +101,9 @@ def reference_keyframe(
         greys.append(g)
     noise = depth_noise(frame)
     surface_points, surface_normals, K = _surface(frame, noise, views)
+    limit = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
     return ReferenceKeyframe(
-        id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise
+        id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise, limit
     )
 
 
@@ -110,7 +112,7 @@ def stored_reference(store: KeyframeStore, k: int, config: TrackerConfig) -> Ref
     keyframe = store.frame(k)
     views = views_near(store, k, keyframe, config.reference_views)
     levels = grey_pyramid(keyframe)
-    return reference_keyframe(k, keyframe, levels, config.photometric_pixels, views)
+    return reference_keyframe(k, keyframe, levels, config, views)
 
 
 def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.ndarray]:

@@ -18,10 +18,14 @@ def terms() -> tuple[np.ndarray, np.ndarray]:
     return _information(rng, 40), _information(rng, 60)
 
 
-def test_residuals_as_large_as_assumed_give_the_inverse_times_the_correlation(terms):
+@pytest.mark.parametrize(("points", "pixels", "is_averaged"), [(1.5, 5, False), (0.3, 9, True)])
+def test_residuals_as_large_as_assumed_give_the_inverse_times_the_correlation(
+    terms, points, pixels, is_averaged
+):
     surface, photometric = terms
-    own = Evidence(surface + photometric, surface, photometric, 1 / 1.5, 1 / 5).covariance()
-    np.testing.assert_allclose(own, np.linalg.inv(surface + photometric)[:6, :6], rtol=1e-9)
+    H = surface + photometric
+    own = Evidence(H, surface, photometric, 1 / points, 1 / pixels, is_averaged).covariance()
+    np.testing.assert_allclose(own, np.linalg.inv(H)[:6, :6], rtol=1e-9)
 
 
 def test_a_term_with_larger_residuals_makes_the_pose_less_sure(terms):

@@ -41,9 +41,7 @@ def _aligned(
     layout = kernel_layout(room.parameters.layout)
     view = MapView(version, layout, params, room.config.field.truncation_m) if with_map else None
     reference = (
-        reference_keyframe(KEYFRAME, key, grey_pyramid(key), config.photometric_pixels)
-        if with_keyframe
-        else None
+        reference_keyframe(KEYFRAME, key, grey_pyramid(key), config) if with_keyframe else None
     )
     T_world_ref = room.store.pose(KEYFRAME) if world is None else world @ room.store.pose(KEYFRAME)
     levels = grey_pyramid(frame)
@@ -139,7 +137,7 @@ def test_a_change_of_exposure_does_not_move_the_camera(room, bias, gain):
     color = np.clip(frame.color * gain + bias, 0, 255).astype(np.uint8)
     brighter = replace(frame, color=color)
     key = room.store.frame(KEYFRAME)
-    reference = reference_keyframe(KEYFRAME, key, grey_pyramid(key), 1500)
+    reference = reference_keyframe(KEYFRAME, key, grey_pyramid(key), room.config.tracker)
     result = align(
         _points(frame), grey_pyramid(brighter), displaced(truth, 0.02, 1.0), None, reference,
         room.store.pose(KEYFRAME), room.config.tracker,

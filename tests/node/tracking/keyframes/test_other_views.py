@@ -1,7 +1,11 @@
 """Depth of a keyframe averaged over the keyframes next to it."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 
+from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
@@ -12,6 +16,7 @@ from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, refe
 
 _CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 _UNITS_PER_M = 10_000.0
+_CONFIG = TrackerConfig(photometric_pixels=300)
 _SIGMA = 1.5e-3  # 1/m, of the inverse depth
 _NORMAL, _DISTANCE_M = np.array([0.16, -0.12, np.sqrt(0.96)]), 2.0  # of a plane, world
 _V, _U = np.mgrid[:120, :160]
@@ -28,8 +33,11 @@ def _plane_m(T_world_cam: np.ndarray) -> np.ndarray:
     return (_DISTANCE_M - _NORMAL @ T_world_cam[:3, 3]) / (directions @ _NORMAL)
 
 
-def _frame(k: int, nearer_m: float = 0.0, sigma: float = _SIGMA) -> Frame:
-    noise = np.random.default_rng(k).normal(0, sigma, (120, 160)) if sigma else 0.0
+def _frame(
+    k: int, nearer_m: float = 0.0, sigma: float = _SIGMA, noise: np.ndarray | None = None
+) -> Frame:
+    if noise is None:
+        noise = np.random.default_rng(k).normal(0, sigma, (120, 160)) if sigma else np.zeros(1)
     depth_m = 1 / (1 / (_plane_m(_pose(k)) - nearer_m) + noise)
     raw = np.rint(depth_m * _UNITS_PER_M).astype(np.uint16)
     color = np.random.default_rng(100).integers(0, 255, (120, 160, 3)).astype(np.uint8)
@@ -90,7 +98,7 @@ def test_a_reference_of_noisy_depth_is_nearer_to_the_plane_with_views():
     frame = store.frame(8)
     off_m = []
     for views in (None, views_near(store, 8, frame, 8)):
-        reference = reference_keyframe(8, frame, grey_pyramid(frame), 300, views)
+        reference = reference_keyframe(8, frame, grey_pyramid(frame), _CONFIG, views)
         known = reference.surface_normals.any(axis=2)
         for points in (reference.surface_points[known], reference.points[-1]):
             world = points @ _pose(8)[:3, :3].T + _pose(8)[:3, 3]
@@ -102,9 +110,26 @@ def test_a_reference_of_noisy_depth_is_nearer_to_the_plane_with_views():
 def test_a_reference_of_exact_depth_stays_as_it_is():
     store = _store([_frame(k, sigma=0.0) for k in range(4)])
     frame = store.frame(3)
-    alone = reference_keyframe(3, frame, grey_pyramid(frame), 300)
+    alone = reference_keyframe(3, frame, grey_pyramid(frame), _CONFIG)
     views = views_near(store, 3, frame, 3)
     assert not views
-    with_views = reference_keyframe(3, frame, grey_pyramid(frame), 300, views)
+    with_views = reference_keyframe(3, frame, grey_pyramid(frame), _CONFIG, views)
     np.testing.assert_array_equal(with_views.surface_points, alone.surface_points)
     np.testing.assert_array_equal(with_views.points[-1], alone.points[-1])
+
+
+def test_a_reference_of_noisy_depth_is_averaged_over_pixels_if_the_configuration_says_so():
+    noisy, exact = _frame(0), _frame(0, sigma=0.0)
+    averaging = replace(_CONFIG, depth_window_px=5)
+    for frame, config, is_averaged in (
+        (noisy, averaging, True), (noisy, _CONFIG, False), (exact, averaging, False),
+    ):  # fmt: skip
+        reference = reference_keyframe(0, frame, grey_pyramid(frame), config)
+        assert (reference.averaging_limit > 0) == is_averaged
+
+
+def test_no_views_are_averaged_if_neighbouring_pixels_err_alike():
+    shared = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, (120, 160)), (0, 0), 3.0)
+    frame = _frame(3, noise=_SIGMA * shared / shared.std())
+    store = _store([_frame(k) for k in range(3)] + [frame])
+    assert not views_near(store, 3, frame, 3)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
@@ -12,6 +13,7 @@ from tests.small_room import room_frames
 
 NORMAL = np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])  # towards the camera
 DISTANCE_M = 2.0
+_CONFIG = TrackerConfig(photometric_pixels=300)
 
 
 def _plane(width: int = 160, height: int = 120) -> Frame:
@@ -38,14 +40,14 @@ def test_pyramid_images_fit_their_depth(size):
         rays = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones_like(u)], -1)
         distance = -(rays @ NORMAL) * level.depth[v, u]
         np.testing.assert_allclose(distance, DISTANCE_M, atol=2e-4)
-    reference = reference_keyframe(0, frame, levels, 300)
+    reference = reference_keyframe(0, frame, levels, _CONFIG)
     assert len(reference.points[-1]) > 50
 
 
 def test_salient_pixels_are_back_projected_texture_with_depth():
     frame = _plane()
     levels = grey_pyramid(frame)
-    reference = reference_keyframe(7, frame, levels, 300)
+    reference = reference_keyframe(7, frame, levels, _CONFIG)
     assert reference.id == 7
     for level, points, grey in zip(levels, reference.points, reference.grey, strict=True):
         fx, fy, cx, cy = level.K
@@ -67,7 +69,7 @@ def test_salient_pixels_are_back_projected_texture_with_depth():
 def test_a_blank_wall_has_no_salient_pixels():
     frame = _plane()
     frame.color[:] = 90
-    reference = reference_keyframe(0, frame, grey_pyramid(frame), 300)
+    reference = reference_keyframe(0, frame, grey_pyramid(frame), _CONFIG)
     assert [len(p) for p in reference.points] == [0, 0, 0, 0]
 
 
@@ -79,7 +81,7 @@ def test_surface_of_a_plane(is_noisy):
         sigma = 20.0 * np.random.default_rng(0).normal(size=frame.depth_raw.shape)  # 2 mm
         noisy = (frame.depth_raw + np.rint(sigma)).astype(np.uint16)
         frame = replace(frame, depth_raw=np.where(frame.depth_raw > 0, noisy, 0).astype(np.uint16))
-    reference = reference_keyframe(0, frame, grey_pyramid(frame), 300)
+    reference = reference_keyframe(0, frame, grey_pyramid(frame), _CONFIG)
     normals, points = reference.surface_normals, reference.surface_points
     assert normals.shape == points.shape == ((60, 80, 3) if is_noisy else (120, 160, 3))
     known = np.linalg.norm(normals, axis=-1) > 0
@@ -106,7 +108,7 @@ def test_the_floor_is_a_surface_for_a_camera_of_few_pixels():
     depth = np.rint(depth_m * noise * 10000).astype(np.uint16)
     frame = Frame(0, 0, camera, np.repeat(grey[..., None], 3, axis=2), depth, 10000.0)
     levels = grey_pyramid(frame)
-    reference = reference_keyframe(0, frame, levels, 300)
+    reference = reference_keyframe(0, frame, levels, _CONFIG)
     floor = (levels[2].depth > 0) & (levels[2].depth < 1.6)
     floor[-2:], floor[:, :2], floor[:, -2:] = False, False, False  # no normals at the border
     known = np.linalg.norm(reference.surface_normals, axis=-1) > 0
@@ -117,7 +119,7 @@ def test_the_floor_is_a_surface_for_a_camera_of_few_pixels():
 def test_salient_pixels_of_the_room():
     frame = room_frames()[0]
     levels = grey_pyramid(frame)
-    reference = reference_keyframe(0, frame, levels, 500)
+    reference = reference_keyframe(0, frame, levels, TrackerConfig(photometric_pixels=500))
     assert all(len(p) > 20 for p in reference.points[1:])
     assert all((p[:, 2] > 0.1).all() for p in reference.points)
 
@@ -128,9 +130,10 @@ def test_salient_pixels_do_not_depend_on_where_in_memory_the_images_lie():
     rng = np.random.default_rng(0)
     grey = 10 * rng.integers(0, 5, (360, 480)).astype(np.float32)
     level = replace(grey_pyramid(frame)[-1], grey=grey)
+    config = TrackerConfig(photometric_pixels=4000)
     chosen, kept = set(), []
     np.empty(30_000_000, np.uint8)  # freed: from now on large arrays come from the heap
     for _ in range(50):
         kept.append(np.empty(int(rng.integers(1, 100_000)), np.uint8))  # shifts what comes next
-        chosen.add(reference_keyframe(0, frame, (level,), 4000).points[0].tobytes())
+        chosen.add(reference_keyframe(0, frame, (level,), config).points[0].tobytes())
     assert len(chosen) == 1
