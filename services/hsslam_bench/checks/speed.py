@@ -26,12 +26,10 @@ _GPU_TESTS = (
 
 
 def kernel_checks() -> list[Check]:
-    """One check for each batch and width, two iterations, and one for the stages of tracking."""
+    """One check for each batch and width, two iterations, and two for the stages of tracking."""
     speeds = [_kernel_speed_check(batch, channels) for batch in BATCHES for channels in CHANNELS]
-    what = (
-        "tracking of room 640x480, one thread, alone: mean ms a frame (keyframe, reference: a call)"
-    )
-    return [*_iteration_checks(), *speeds, Check("tracking", what, "", _tracking)]
+    tracking = [_tracking_check("tracking", "none"), _tracking_check("tracking:kinect", "kinect")]
+    return [*_iteration_checks(), *speeds, *tracking]
 
 
 def _iteration_checks() -> list[Check]:
@@ -97,9 +95,14 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
     )
 
 
-def _tracking(session: Session) -> Measured:
-    found = session.figures("hsslam_bench.scripts.tracking_stages")
-    return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
+def _tracking_check(name: str, noise: str) -> Check:
+    def measure(session: Session) -> Measured:
+        found = session.figures("hsslam_bench.scripts.tracking_stages", "--noise", noise)
+        return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
+
+    depth = "exact depth" if noise == "none" else "Kinect noise"
+    what = f"tracking of room 640x480, {depth}, one thread, alone: mean ms a frame"
+    return Check(name, f"{what} (keyframe, reference, mapping iteration: a call)", "", measure)
 
 
 def gpu_checks() -> list[Check]:
