@@ -21,10 +21,12 @@ _OTHER_BYTES = 1 << 16  # room for the other fields
 LARGEST_IMAGE_PX = (FRAME.size_limit_bytes - _OTHER_BYTES) // _BYTES_A_PIXEL
 
 
-def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.Frame:
+def frame_message(
+    frame: Frame, stamp_ns: int, publisher: int = 0, source_wait_ns: int = 0
+) -> messages.Frame:
     """The frame as an uncompressed message that shares its arrays; `stamp_ns`: wall clock.
 
-    `publisher`: number of the camera, from `new_publisher`; 0: none.
+    `publisher`: number of the camera, from `new_publisher`; 0: none. `source_wait_ns`: as in the message.
     """
     camera, reading, imu = frame.camera, frame.odometry, frame.imu
     covariance = None if reading is None else reading.covariance
@@ -47,6 +49,7 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
         odometry_series=0 if reading is None else reading.series,
         imu=[] if imu is None else imu.numbers.tolist(),
         imu_series=0 if imu is None else imu.series,
+        source_wait_ns=source_wait_ns,
     )
 
 
@@ -163,4 +166,6 @@ def _not_an_image(message: messages.Frame, field: str, kind: str, found: str) ->
 def restamped(frame: messages.Frame, publisher: int) -> messages.Frame:
     """The frame with the wall clock of now as `stamp_ns`, so that latencies are those of the replay;
     `source_stamp_ns`, which trajectories list, stays."""
-    return msgspec.structs.replace(frame, stamp_ns=time.time_ns(), publisher=publisher)
+    return msgspec.structs.replace(
+        frame, stamp_ns=time.time_ns(), publisher=publisher, source_wait_ns=0
+    )

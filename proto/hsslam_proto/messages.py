@@ -61,6 +61,8 @@ class Frame(Message, frozen=True, kw_only=True):
     (s). Axes: those of the camera (x right, y down, z forward) at the start of the series. `imu_series` names
     the series: its first stamp, or a later number if the clock was set back. Only differences between frames
     of one series are of use. Empty: unknown.
+
+    `source_wait_ns`: how late a frame of a recording comes because its source waited, as for a slow disk, ns.
     """
 
     index: FrameIndex
@@ -83,6 +85,7 @@ class Frame(Message, frozen=True, kw_only=True):
     odometry_series: Index = 0
     imu: Inertial = []
     imu_series: StampNs = 0
+    source_wait_ns: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose_numbers(self, "odometry")

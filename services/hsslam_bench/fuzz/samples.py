@@ -52,6 +52,7 @@ _ALL: tuple[Message, ...] = (
         odometry_series=_STAMP,
         imu=[*_Q, *_T, 0.1],
         imu_series=_STAMP,
+        source_wait_ns=20_000_000,
     ),
     m.ImuSamples(stamps_ns=[_STAMP], angular_velocity=[_T], acceleration=[_T]),
     m.RobotOdometry(stamp_ns=_STAMP, t=_T, q=_Q, covariance=[0.1] * 21),

@@ -21,17 +21,21 @@ _POLL_S = 0.05
 class Pace(Protocol):
     """Decides when to send a frame; `send` returns when the next frame may be prepared.
 
+    `wait_ns`: how late the frame comes because its source waited for a disk.
     `held`: the run was paused for this time before the next frame is sent; False if that frame is too old.
+    `lag_ns`: how late a frame of a recording would come now, ns; thread-safe.
     `is_late`: whether a frame of a recording, which is about to be read, would be too late; thread-safe.
     """
 
     def wait_for_peers(self) -> None: ...
 
-    def send(self, frame: Frame) -> None: ...
+    def send(self, frame: Frame, wait_ns: int = 0) -> None: ...
 
     def held(self, seconds: float) -> bool: ...
 
     def is_late(self, index: int, source_ns: int) -> bool: ...
+
+    def lag_ns(self, source_ns: int) -> int: ...
 
     def begin_map_epoch(self) -> None: ...
 
@@ -63,10 +67,14 @@ class Lockstep:
         """Never: the run waits for each frame."""
         return False
 
+    def lag_ns(self, source_ns: int) -> int:
+        """None: there is no clock."""
+        return 0
+
     def begin_map_epoch(self) -> None:
         """Nothing to do: the next frame waits for the new map anyway."""
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: Frame, wait_ns: int = 0) -> None:
         """Publish a frame, and wait for its step `done`."""
         message = frame_message(frame, time.time_ns(), self._publisher)
         self._frames.put(message)
@@ -114,10 +122,14 @@ class Live:
         """Never: a live camera delivers its newest frame."""
         return False
 
+    def lag_ns(self, source_ns: int) -> int:
+        """None: a live camera delivers its newest frame."""
+        return 0
+
     def begin_map_epoch(self) -> None:
         """Nothing to do: a live camera waits for no map."""
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: Frame, wait_ns: int = 0) -> None:
         """Publish a frame; the tracker takes the newest."""
         stamp_ns = time.time_ns()
         frame = self._sensors.given(frame, stamp_ns)

@@ -63,7 +63,7 @@ class Realtime:
         if not self._progress.pinned_ns:
             self._peers.wait(NEEDED, OTHERS, self._worker)
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: Frame, wait_ns: int = 0) -> None:
         """Publish at the frame's time. Before the first map, publish one frame at a time, wait for its pose,
         and send it again if tracker or recorder do not get it: the world of a log is its first frame."""
         if not self._progress.pinned_ns:
@@ -73,7 +73,8 @@ class Realtime:
         self._sleep_until(due_ns)
         stamp_ns = self._stamp_ns(due_ns)
         frame = self._sensors.given(frame, stamp_ns)
-        self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher))
+        wait_ns = min(wait_ns, max(time.monotonic_ns() - due_ns, 0))
+        self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher, wait_ns))
 
     def is_late(self, index: int, source_ns: int) -> bool:
         """Whether the frame of this stamp, which is about to be read, is late by more than half a period.
@@ -86,8 +87,13 @@ class Realtime:
         self._read_ns = source_ns
         if not self._progress.pinned_ns or self._steps_read > self._steps_sent or is_repeated:
             return False
-        lag_ns = time.monotonic_ns() - self._progress.due_ns(source_ns, self._scale)
-        return self._late_ns < lag_ns < _LARGEST_LAG_NS
+        return self._late_ns < self.lag_ns(source_ns) < _LARGEST_LAG_NS
+
+    def lag_ns(self, source_ns: int) -> int:
+        """How late a frame of this stamp would come now; 0 while the clock stands still."""
+        if not self._progress.pinned_ns:
+            return 0
+        return time.monotonic_ns() - self._progress.due_ns(source_ns, self._scale)
 
     def held(self, seconds: float) -> bool:
         """Shift the sensor's clock: it stood still for `seconds`. True: so the next frame is not too old."""

@@ -49,7 +49,9 @@ class LatencyGovernor:
         """The current load level."""
         return self._governor.level
 
-    def frame(self, now_s: float, left_out: int, stamp_ns: int, publish_ns: int) -> None:
+    def frame(
+        self, now_s: float, left_out: int, stamp_ns: int, publish_ns: int, source_wait_ns: int = 0
+    ) -> None:
         """Take in a published pose.
 
         Args:
@@ -57,9 +59,10 @@ class LatencyGovernor:
             left_out: number of frames since the last pose that the service left out.
             stamp_ns, publish_ns: of the sensor and of the pose; the two clocks may have an offset, and may be
                 set.
+            source_wait_ns: how late the frame came because its source waited; no level changes that.
         """
         late = self._governor.late_share
-        latency_s = (publish_ns - stamp_ns) / 1e9
+        latency_s = (publish_ns - stamp_ns - source_wait_ns) / 1e9
         throttled_share = self._throttling.share(now_s)
         if self._governor.frame(now_s, left_out, stamp_ns / 1e9, latency_s, throttled_share):
             self._shared.number = self.level

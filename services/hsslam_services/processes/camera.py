@@ -23,6 +23,7 @@ from hsslam_services.camera.pacing import Live, Lockstep, Pace
 from hsslam_services.camera.prefetch import Prefetch
 from hsslam_services.camera.realtime import Realtime
 from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
+from hsslam_services.governor.source_waits import ReadItem, SourceWaits
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
@@ -31,10 +32,10 @@ from hsslam_services.run.source_table import is_live
 _POLL_S = 0.1
 _AHEAD = 15  # frames decoded in advance, for half a second of other load
 _SLOWEST_HZ = 1.0
-_SLOW_SOURCE = (
-    "this machine reads the source more slowly than the sensor recorded it: late frames are skipped and "
-    "count as dropped"
-)
+_BY_DISK = "skipped for a slow disk"  # counter: a part of those skipped
+_SLOW = "than the sensor recorded it: late frames are skipped and count as dropped"
+_SLOW_SOURCE = f"this machine reads the source more slowly {_SLOW}"
+_SLOW_DISK = f"the disk of the source delivers it more slowly {_SLOW}"
 
 
 class PauseListener:
@@ -109,7 +110,8 @@ def _run(worker: Worker) -> None:
         pace.wait_for_peers()
         worker.ready()
         progress.write(Path(worker.run.arena_dir))  # before the first frame is sent
-        for item in items:
+        for read in items:
+            item = read.item
             is_current = pace.held(pause.wait())
             if mode.map_epoch != map_epoch:
                 map_epoch = mode.map_epoch
@@ -123,22 +125,21 @@ def _run(worker: Worker) -> None:
                 progress.next_index += 1
                 continue
             if isinstance(item, LateFrame):
-                progress.skipped += 1
-                if progress.skipped == 1:
-                    worker.event("warning", f"frame {item.index}: {_SLOW_SOURCE}")
+                _skip(worker, progress, read)
             elif isinstance(item, BadFrame):
                 progress.bad += 1
                 first_bad = first_bad or item.reason
                 skipped.add(item)
             else:
                 _expect_order(source, item, progress.last_index)
-                pace.send(item)
+                pace.send(item, read.wait_ns)
                 progress.sent += 1
                 progress.last_index = item.index
                 progress.last_source_ns = item.stamp_ns
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
+            worker.counters[_BY_DISK] = progress.skipped_by_wait
     skipped.report_more()
     if not worker.should_stop():
         _expect_all(worker, source, progress, first_bad)
@@ -158,6 +159,18 @@ def _expect_all(worker: Worker, source: Source, progress: CameraProgress, first_
     if not given:
         raise UserError(f"source {source.name}: no frame came: expected {count}")
     worker.event("warning", f"source {source.name} ended after {given} of {count} frames")
+
+
+def _skip(worker: Worker, progress: CameraProgress, late: ReadItem) -> None:
+    """Count a frame that comes too late; report the first of each cause."""
+    progress.skipped += 1
+    progress.skipped_by_wait += late.is_by_wait
+    by_wait = progress.skipped_by_wait
+    count, why = (
+        (by_wait, _SLOW_DISK) if late.is_by_wait else (progress.skipped - by_wait, _SLOW_SOURCE)
+    )
+    if count == 1:
+        worker.event("warning", f"frame {late.item.index}: {why}")
 
 
 def _expect_order(source: Source, frame: Frame, last_index: int) -> None:
@@ -186,12 +199,20 @@ def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> Non
 
 def _items(
     worker: Worker, source: Source, first: int, pace: Pace
-) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
+) -> Prefetch[ReadItem] | Generator[ReadItem, None, None]:
     """Frames from index `first` on; a recording is read ahead, a live camera is not."""
     if is_live(worker.options.source):
-        return live_frames(worker, source, first)
+        return _as_they_come(live_frames(worker, source, first))
     items = with_reports(worker, source, frames_in_time(source, first, pace.is_late))
-    return Prefetch(items, _AHEAD, worker.should_stop)
+    return Prefetch(SourceWaits(pace.lag_ns).timed(items), _AHEAD, worker.should_stop)
+
+
+def _as_they_come(
+    items: Generator[Frame | BadFrame, None, None],
+) -> Generator[ReadItem, None, None]:
+    with contextlib.closing(items):
+        for item in items:
+            yield ReadItem(item)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

@@ -163,7 +163,9 @@ class _TrackerLoop:
         self._asked.take(result)
         if self._is_realtime:
             left_out = self._left_out.since_last()
-            self._governor.frame(published_s, left_out, message.stamp_ns, publish_ns)
+            self._governor.frame(
+                published_s, left_out, message.stamp_ns, publish_ns, message.source_wait_ns
+            )
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             level = LEVELS[self._governor.level]

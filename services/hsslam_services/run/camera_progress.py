@@ -7,7 +7,7 @@ from pathlib import Path
 from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
-_LAYOUT = struct.Struct("<qqqqqqqqq")
+_LAYOUT = struct.Struct("<qqqqqqqqqq")
 
 
 @dataclass
@@ -26,6 +26,7 @@ class CameraProgress:
     last_source_ns: int = -1  # stamp of the last frame that was sent; -1: none was
     skipped: int = 0  # late frames that were not read
     last_index: int = -1  # of the last frame that was sent; -1: none was
+    skipped_by_wait: int = 0  # of those skipped, late because the source waited for a disk
 
     def due_ns(self, source_ns: int, clock_scale: float) -> int:
         """Monotonic time at which the sensor would have delivered the frame of this source stamp.

@@ -11,7 +11,8 @@ class LeftOutFrames:
     """The frames that did not get a pose because camera process or tracker were too slow.
 
     If the camera is a program outside, the network or that program may leave frames out as well. So frames
-    count only if they arrived; gaps between the indices of frames never count.
+    count only if they arrived; gaps between the indices of frames never count. Frames that a recording leaves
+    out because its disk is too slow do not count either.
 
     Args:
         frames: of the tracker.
@@ -31,4 +32,5 @@ class LeftOutFrames:
     def _count(self) -> int:
         if self._camera_arena is None:
             return self._frames.dropped - self._frames.missing
-        return self._frames.dropped + CameraProgress.read(self._camera_arena).skipped
+        progress = CameraProgress.read(self._camera_arena)
+        return self._frames.dropped + progress.skipped - progress.skipped_by_wait

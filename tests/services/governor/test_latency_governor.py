@@ -53,6 +53,17 @@ def test_late_poses_raise_the_shared_level_which_is_counted_and_told(level: Shar
     assert told[-1].startswith(f"load level {level.number} of {_MOST} (")
 
 
+def test_frames_that_come_late_because_their_source_waits_raise_no_level(level: SharedLevel):
+    told: list[str] = []
+    governor = LatencyGovernor(level, 2.0, Throttling(), told.append, lambda _: None)
+    for index in range(20 * 30):  # a camera of 30 Hz; from 10 s on, each read takes 40 ms
+        at_s, wait_s = index / 30, 0.04 * (index >= 300)
+        published_s = at_s + 0.01 + wait_s
+        stamps_ns = round(1e9 * at_s), round(1e9 * published_s)
+        governor.frame(published_s, 0, *stamps_ns, source_wait_ns=round(1e9 * wait_s))
+    assert level.number == 0 and not told
+
+
 @pytest.mark.parametrize(("throttled_of_10", "number"), [(2, 5), (0, 3)])
 def test_a_throttled_service_keeps_its_level(
     tmp_path: Path, level: SharedLevel, throttled_of_10: int, number: int

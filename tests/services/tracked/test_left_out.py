@@ -34,3 +34,5 @@ def test_an_outside_camera_or_the_network_may_leave_frames_out(endpoint: str, tm
         assert send(8) == (1, 1)
         CameraProgress(skipped=4).write(tmp_path)  # its source was too slow
         assert send(9) == (0, 4)
+        CameraProgress(skipped=9, skipped_by_wait=3).write(tmp_path)  # for three, its disk was
+        assert send(10) == (0, 2)
