@@ -34,6 +34,7 @@ POSE_ROW = np.dtype(
         ("source_stamp_ns", "<i8"),
         ("stamp_ns", "<i8"),  # wall clock of the sensor
         ("publish_ns", "<i8"),  # wall clock
+        ("publish_monotonic_ns", "<i8"),  # monotonic clock: latencies must not have steps
         ("status", "<i8"),  # one of STATUS
         ("keyframe", "<i8"),  # id of the reference keyframe, -1: none
         ("T_world_cam", "<f8", (4, 4)),
@@ -247,6 +248,7 @@ def pose_row(
     source_stamp_ns: int,
     stamp_ns: int,
     publish_ns: int,
+    publish_monotonic_ns: int = 0,
     status: int,
     keyframe: int,
     T_world_cam: np.ndarray,  # [4, 4]
@@ -264,6 +266,7 @@ def pose_row(
     row = np.zeros((), POSE_ROW)
     row["index"], row["source_stamp_ns"] = index, source_stamp_ns
     row["stamp_ns"], row["publish_ns"] = stamp_ns, publish_ns
+    row["publish_monotonic_ns"] = publish_monotonic_ns
     row["status"], row["keyframe"] = status, keyframe
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
     row["quality"], row["map_version"], row["map_epoch"] = quality, map_version, map_epoch

@@ -11,6 +11,7 @@ from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion, Pose
 from hsslam_proto.run_messages import Event, Health, SourceEnd
 from hsslam_services.bus.bus import Bus
+from hsslam_services.governor.known_latencies import KnownLatencies
 from hsslam_services.health.silence import Silence
 
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
@@ -18,7 +19,6 @@ _RECENT = 64  # poses for rate and latency
 _RECENT_S = 5.0  # older ones do not count
 _MOST_PUBLISHERS = 64  # of frames, whose newest pose is known
 _STILL_S = 1.0  # without a pose, until the rate falls
-_HEARD_S = 1.0  # by which a pose may be heard late: the loop of the supervisor takes 50 ms
 
 
 class LatencyBins:
@@ -59,7 +59,7 @@ class RunState:
     )  # of poses, by publisher of the frames
     silence: Silence = field(default_factory=Silence)
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
-    _latest: tuple[float, float] | None = None  # counted latency, ms, and when it was heard, s
+    _latencies: KnownLatencies = field(default_factory=KnownLatencies)
 
     def fps(self, now_s: float) -> float:
         """Poses per second over the last seconds; falls to 0 if no poses come."""
@@ -120,23 +120,10 @@ class RunState:
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
         self.in_fragments += pose.fragment > 0
-        latency_ms = (pose.publish_ns - pose.stamp_ns) / 1e6
-        if not self._is_possible(latency_ms, now_s):
-            self.recent.append(PoseTimes(now_s, None))
-            return
-        latency_ms = max(latency_ms, 0.0)  # the clock of a camera may be a little ahead
-        self._latest = latency_ms, now_s
+        latency_ms = self._latencies.of(pose.stamp_ns, pose.publish_ns, now_s)
         self.recent.append(PoseTimes(now_s, latency_ms))
-        self.latency_bins.add(latency_ms)
-
-    def _is_possible(self, latency_ms: float, now_s: float) -> bool:
-        """Whether the latency has risen by no more than the time since the last one; else a clock was set."""
-        if latency_ms < -1e3 * _HEARD_S:
-            return False
-        if self._latest is None:
-            return True
-        before_ms, heard_s = self._latest
-        return latency_ms - before_ms <= 1e3 * (now_s - heard_s + _HEARD_S)
+        if latency_ms is not None:
+            self.latency_bins.add(latency_ms)
 
 
 class PoseTimes(NamedTuple):

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from hsslam_node.durable_file import write_durably
+from hsslam_services.governor.known_latencies import KnownLatencies
 from hsslam_services.run.process_result import python_number
 
 _FILE, _DAMAGED_FILE = "summary.json", "summary.damaged.json"
@@ -44,23 +45,26 @@ def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
     of the pose log.
 
     Rate and latency leave out the first pose: the sensor clock starts when its map exists. The rate is
-    missing if the wall clock was set back during the run.
+    missing if the wall clock was set back during the run. Latencies are those of status and metrics, without
+    steps of a clock.
     """
     section: dict[str, Any] = {}
     counts = np.zeros(4, np.int64)  # of each status
     source_ns: list[int] = []  # the least and the largest of each slab
     edges_ns: list[int] = []  # when the first and the last of each slab were published
+    known = KnownLatencies()
     latencies_ms: list[np.ndarray] = []
     is_set_back = False
     for rows in filter(len, slabs):
         counts += np.bincount(rows["status"], minlength=len(counts))
         source_ns += [int(rows["source_stamp_ns"].min()), int(rows["source_stamp_ns"].max())]
-        after = rows if "first_pose_ns" in section else rows[1:]
+        is_first = "first_pose_ns" not in section
+        after = rows[1:] if is_first else rows
         section.setdefault("first_pose_ns", int(rows["publish_ns"][0]))
         publish_ns = after["publish_ns"]
         edges_ns += publish_ns[:1].tolist() + publish_ns[-1:].tolist()
         is_set_back |= bool((np.diff(publish_ns) < 0).any())
-        latencies_ms.append((publish_ns - after["stamp_ns"]) / 1e6)
+        latencies_ms.append(_latencies_ms(rows, known)[is_first:])
     frames, lost = int(counts.sum()), int(counts[_LOST])
     section["frames"] = {"tracked": frames - lost, "lost": lost}
     if dead_reckoned := int(counts[_DEAD_RECKONED]):  # of those tracked
@@ -70,9 +74,22 @@ def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
     if frames > 2:
         if not is_set_back and np.diff(edges_ns).min() >= 0:
             section["wall_fps"] = (frames - 2) / max((edges_ns[-1] - edges_ns[0]) / 1e9, 1e-9)
-        p50, p95, p99 = np.percentile(np.concatenate(latencies_ms), (50, 95, 99))
-        section["latency_ms"] = {"p50": float(p50), "p95": float(p95), "p99": float(p99)}
+        known_ms = np.concatenate(latencies_ms)
+        known_ms = known_ms[np.isfinite(known_ms)]
+        if len(known_ms):
+            p50, p95, p99 = np.percentile(known_ms, (50, 95, 99))
+            section["latency_ms"] = {"p50": float(p50), "p95": float(p95), "p99": float(p99)}
     return section
+
+
+def _latencies_ms(rows: np.ndarray, known: KnownLatencies) -> np.ndarray:
+    """Of the next rows [n] of POSE_ROW, [n]; nan: a clock was set."""
+    columns = ("stamp_ns", "publish_ns", "publish_monotonic_ns")
+    found = [
+        known.of(stamp_ns, publish_ns, 1e-9 * at_ns)
+        for stamp_ns, publish_ns, at_ns in zip(*(rows[c].tolist() for c in columns), strict=True)
+    ]
+    return np.array([np.nan if ms is None else ms for ms in found])
 
 
 def _read(path: Path) -> dict[str, Any] | None:

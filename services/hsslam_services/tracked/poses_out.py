@@ -63,6 +63,7 @@ class PosesOut:
             source_stamp_ns=received.message.source_stamp_ns,
             stamp_ns=received.message.stamp_ns,
             publish_ns=publish_ns,
+            publish_monotonic_ns=time.monotonic_ns(),
             pose_version=received.pose_version,
             map_epoch=self._mode.map_epoch,
             publisher=received.place.publisher,

@@ -46,6 +46,7 @@ def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[...,
     with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
         order = FrameOrder()
         loop = _TrackerLoop(worker, worker.bus.subscribe(topics.FRAME, 4), order)
+        begin_s = time.monotonic()
         for frame in frames:
             message = frame_message(frame, time.time_ns(), _CAMERA)
             place = order.place(_CAMERA, frame.index, message.stamp_ns)
@@ -54,6 +55,8 @@ def test_a_frame_that_cannot_be_used_is_lost_in_lockstep(make_run: Callable[...,
         rows = PoseLog(worker.arena).rows()
         assert rows["index"].tolist() == [0, 1, 2, 3]
         assert rows["status"][1:].tolist() == [LOST, LOST, TRACKED]
+        seconds = 1e-9 * rows["publish_monotonic_ns"]
+        assert (np.diff([begin_s, *seconds, time.monotonic()]) >= 0).all()
         assert worker.counters["unusable frames"] == 2
         assert worker.counters[_STOOD_STILL] == 1
 

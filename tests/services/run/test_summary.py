@@ -3,10 +3,12 @@
 import subprocess
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from hsslam_node.map.pose_log import LOST, POSE_ROW, TRACKED
+from hsslam_services.health.run_state import RunState
 from hsslam_services.run.summary import (
     commit_of,
     evaluation_line,
@@ -14,6 +16,7 @@ from hsslam_services.run.summary import (
     read_summary,
     update_summary,
 )
+from tests.services.wire_samples import pose
 
 
 def test_sections_merge_key_by_key(tmp_path: Path):
@@ -44,6 +47,34 @@ def test_rate_and_latency_leave_out_the_first_pose():
     assert abs(section["wall_fps"] - 10.0) < 1e-6
     assert abs(section["sensor_s"] - 1002.9) < 1e-6  # the first stamp is 0
     assert section["latency_ms"] == {"p50": 20.0, "p95": 20.0, "p99": 20.0}
+
+
+@pytest.mark.parametrize("cut", [[], [1, 20], [10, 11, 30]])
+def test_a_clock_that_is_set_is_in_no_latency_as_in_status(cut: list[int]):
+    rows, hour_ns = np.zeros(400, POSE_ROW), 3600 * 10**9
+    rows["stamp_ns"] = 10**18 + np.arange(400) * 33_333_333
+    rows["publish_ns"] = rows["stamp_ns"] + 20_000_000 + np.arange(400) * 317 % 400 * 10**5
+    rows["publish_monotonic_ns"] = np.arange(400) * 33_333_333
+    latencies_ms = (rows["publish_ns"] - rows["stamp_ns"]) / 1e6
+    rows["publish_ns"][[10, 11]] += hour_ns  # while frames were in flight, forwards
+    rows["stamp_ns"][[20, 21]] += hour_ns  # and back
+    rows["publish_ns"][-40:] -= hour_ns  # for good, of a camera on another machine
+    state = RunState()
+    for index, row in enumerate(rows):
+        stamps_ns = {"stamp_ns": int(row["stamp_ns"]), "publish_ns": int(row["publish_ns"])}
+        posed = msgspec.structs.replace(pose(index), **stamps_ns)
+        state.posed(posed, 1e-9 * float(row["publish_monotonic_ns"]))
+    known_ms = np.delete(latencies_ms[:-40], [0, 10, 11, 20, 21])
+    found = pose_section(np.split(rows, cut))["latency_ms"]
+    assert found == {f"p{q}": pytest.approx(np.percentile(known_ms, q)) for q in (50, 95, 99)}
+    assert state.latency_bins.cumulative()[-1] == len(known_ms) + 1  # with the first
+    assert state.latency_bins.sum_ms == pytest.approx(known_ms.sum() + latencies_ms[0])
+
+
+def test_there_is_no_latency_if_no_clock_fits():
+    rows = np.zeros(9, POSE_ROW)
+    rows["stamp_ns"] = 10**18  # of a camera whose clock is ahead for ever
+    assert "latency_ms" not in pose_section([rows])
 
 
 def test_there_is_no_rate_if_the_wall_clock_was_set_back():
