@@ -40,21 +40,23 @@ def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
         after[known:] = after[known - 1] @ inverse(before[known - 1]) @ before[known:]
 
 
-def carry_retired(
-    before: np.ndarray, after: np.ndarray, is_kept: np.ndarray, anchors: np.ndarray
-) -> None:
-    """Move retired keyframes in `after` [n, 4, 4] with their anchors.
+def roots(is_kept: np.ndarray, anchors: np.ndarray) -> np.ndarray:
+    """The kept keyframe that each moves with, itself if it is kept, [n] int64; -1: none.
 
     Args:
         is_kept: [n] bool.
-        anchors: [n] int64, the keyframe that each moves with, which may be retired too; -1: none.
+        anchors: [n] int64, the keyframe that each moves with once it is retired, which may be retired too;
+            -1: none.
     """
-    if is_kept.all():
-        return
-    root = np.where(is_kept, np.arange(len(before)), anchors)
+    root = np.where(is_kept, np.arange(len(is_kept)), anchors)
     while not (is_kept[root] | (root < 0)).all():
         root = np.where(is_kept[root] | (root < 0), root, root[root])
-    moved = ~is_kept & (root >= 0)
+    return root
+
+
+def carry_retired(before: np.ndarray, after: np.ndarray, root: np.ndarray) -> None:
+    """Move retired keyframes in `after` [n, 4, 4] with the kept ones `root` [n], as of `roots`."""
+    moved = (root != np.arange(len(root))) & (root >= 0)
     moved[moved] = (after[root[moved]] != before[root[moved]]).any(axis=(1, 2))
     to = root[moved]
     after[moved] = after[to] @ inverse_batch(before[to]) @ before[moved]

@@ -9,9 +9,16 @@ import numpy as np
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.keyframes.header import APPENDING, COUNT, POSE_VERSION
 from hsslam_node.map.keyframes.rows import KeyframeRows
+from hsslam_node.map.keyframes.settled import Settling
 from hsslam_node.map.keyframes.slots import KeyframeSlots
 from hsslam_node.map.memory_order import load_ordered, store_ordered
-from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last, on_top
+from hsslam_node.map.pose_correction import (
+    PoseCorrection,
+    carry_retired,
+    follow_last,
+    on_top,
+    roots,
+)
 
 _POLL_S = 0.0005
 _LONGEST_APPEND_S = 0.1  # longest wait for a tracker that died while it appended
@@ -30,6 +37,7 @@ class KeyframePoses:
         self._header = header
         self._rows = rows
         self._slots = slots
+        self._settling = Settling(rows)
 
     @property
     def version(self) -> int:
@@ -84,10 +92,14 @@ class KeyframePoses:
         if known is not None:
             follow_last(before, after, known)
         is_kept = np.isin(np.arange(n), self._slots.held(n))
-        carry_retired(before, after, is_kept, self._rows.anchors(n))
+        root = roots(is_kept, self._rows.anchors(n))
+        carry_retired(before, after, root)
         moved = np.flatnonzero((after != before).any(axis=(1, 2)))
         self._rows.write_bank(after, (version + 1) % 2)
+        settled = self._settling.settle(after, is_kept, root)
+        self._settling.mark(settled, n)
         store_ordered(self._header, POSE_VERSION, version + 1)
+        self._settling.drop(n)
         correction = PoseCorrection(version + 1, moved, after[moved])
         return correction if known is None else self._with_late(correction, n)
 

@@ -1,41 +1,31 @@
 """Rows of keyframes, kept for ever: stamp, pose, slot of the pixels, anchor."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.geometry.se3_batch import inverse_batch
 from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.keyframes.row_slabs import BLOCK_ROWS, COLUMNS, SLAB_ROWS, RowSlabs
 
-SLAB_ROWS = 4096  # 3.0 MB, with gaps 4.2 MB
 # columns; the loss is a float64
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE, _HAS_GAP = range(9)
-_COLUMNS = 9
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE, _FLAGS = range(COLUMNS)
+_GAP, _SETTLED = 1, 2  # flags
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
-
-
-class _Slab(NamedTuple):
-    meta: np.ndarray  # [SLAB_ROWS, _COLUMNS] int64
-    poses: np.ndarray  # [2, SLAB_ROWS, 4, 4] T_world_cam of both banks
-    covariances: np.ndarray  # [SLAB_ROWS, 6, 6] of the pose
-    # [SLAB_ROWS, 4, 4] T_world_cam at which the mapper last saw the keyframe; 0: never
-    mapped: np.ndarray
 
 
 class KeyframeRows:
     """Append-only rows in slabs, so that their number has no limit: 740 bytes each, and 290 more in a slab
     with motions by odometry alone.
 
+    A *settled* row has the pose relative to its anchor alone: 120 bytes. Its covariance is that of its
+    anchor, and nothing may ask for what the mapper noted of it. Rows settle in blocks of `BLOCK_ROWS`.
+
     Poses lie in two banks that readers copy without a lock. The owner of the rows knows how many are
     complete, and which bank is current.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:
-        self._arrays = arrays
-        self._slabs: dict[int, _Slab] = {}  # by number; threads may open one at once
-        # [SLAB_ROWS, 6, 6], by number: covariances of motions by odometry alone, if a row has one
-        self._gaps: dict[int, np.ndarray] = {}
+        self._slabs = RowSlabs(arrays)
 
     def write(
         self,
@@ -57,22 +47,23 @@ class KeyframeRows:
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
         """
-        slab = self._slab(k // SLAB_ROWS, create=True)
+        slab = self._slabs.slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
         slab.meta[row, :5] = frame_index, stamp_ns, slot, -1, version
         slab.meta[row, _FRAGMENT] = fragment
         slab.poses[:, row] = T
         slab.covariances[row] = covariance
-        slab.meta[row, _HAS_GAP] = has_gap = bool(np.any(gap_covariance))
+        has_gap = bool(np.any(gap_covariance))
+        slab.meta[row, _FLAGS] = _GAP * has_gap
         if has_gap:
-            self._slab_gaps(k // SLAB_ROWS, create=True)[row] = gap_covariance
+            self._slabs.gaps(k // SLAB_ROWS, create=True)[row] = gap_covariance
 
     def reserve(self, k: int, has_gap: bool) -> bool:
         """The tracker only: make room for row k, with or without a gap; False if there is no memory."""
         try:
-            self._slab(k // SLAB_ROWS, create=True)
+            self._slabs.slab(k // SLAB_ROWS, create=True)
             if has_gap:
-                self._slab_gaps(k // SLAB_ROWS, create=True)
+                self._slabs.gaps(k // SLAB_ROWS, create=True)
         except OutOfMemoryError:
             return False
         return True
@@ -113,104 +104,139 @@ class KeyframeRows:
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Set the newest losses [n] of keyframes `ids` [n]; one writer at a time."""
-        for slab, mine, rows in self._by_slab(ids):
+        for slab, mine, rows in self._slabs.of(ids):
             slab.meta.view(np.float64)[rows, _LOSS] = np.maximum(losses[mine], _LEAST_LOSS)
 
     def losses(self, ids: np.ndarray) -> np.ndarray:
         """The newest losses of keyframes `ids` [n], [n] float64; nan: not known."""
         noted = np.empty(len(ids))
-        for slab, mine, rows in self._by_slab(ids):
+        for slab, mine, rows in self._slabs.of(ids):
             noted[mine] = slab.meta.view(np.float64)[rows, _LOSS]
         return np.where(noted > 0, noted, np.nan)
 
     def note_mapped(self, ids: np.ndarray, T_world_cam: np.ndarray, due: np.ndarray) -> None:
         """The mapper only: see `KeyframeStore.note_mapped`."""
-        for slab, mine, rows in self._by_slab(ids):
+        for slab, mine, rows in self._slabs.of(ids):
             slab.meta[rows, _DUE] = due[mine]
             slab.mapped[rows] = T_world_cam[mine]
 
     def mapped(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What `note_mapped` noted of keyframes `ids` [n]: T_world_cam [n, 4, 4] and due [n] int64."""
         T_world_cam, due = np.empty((len(ids), 4, 4)), np.empty(len(ids), np.int64)
-        for slab, mine, rows in self._by_slab(ids):
+        for slab, mine, rows in self._slabs.of(ids):
             T_world_cam[mine], due[mine] = slab.mapped[rows], slab.meta[rows, _DUE]
         return T_world_cam, due
 
     def covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the pose that keyframe k was appended with, copied."""
-        return self._slab(k // SLAB_ROWS).covariances[k % SLAB_ROWS].copy()
+        while self._meta(k)[_FLAGS] & _SETTLED:
+            k = int(self._meta(k)[_ANCHOR])
+        return self._slabs.slab(k // SLAB_ROWS).covariances[k % SLAB_ROWS].copy()
 
     def gap_covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the gap before keyframe k, as in `KeyframeStore.append`, copied."""
-        if not self._meta(k)[_HAS_GAP]:
+        if not self._meta(k)[_FLAGS] & _GAP:
             return np.zeros((6, 6))
-        return self._slab_gaps(k // SLAB_ROWS)[k % SLAB_ROWS].copy()
+        return self._slabs.gaps(k // SLAB_ROWS)[k % SLAB_ROWS].copy()
 
     def pose(self, k: int, bank: int) -> np.ndarray:
         """T_world_cam [4, 4] of keyframe k, copied."""
-        return self._slab(k // SLAB_ROWS).poses[bank, k % SLAB_ROWS].copy()
+        if self._meta(k)[_FLAGS] & _SETTLED:
+            return self.poses(np.array([k]), bank)[0]
+        return self._slabs.slab(k // SLAB_ROWS).poses[bank, k % SLAB_ROWS].copy()
 
     def poses(self, ids: np.ndarray, bank: int) -> np.ndarray:
         """T_world_cam [n, 4, 4] of keyframes `ids` [n], copied."""
-        out = np.empty((len(ids), 4, 4))
-        for slab, mine, rows in self._by_slab(ids):
-            out[mine] = slab.poses[bank, rows]
+        # poses, which of them are settled, the places of their anchors in the next, T_anchor_keyframe
+        followers = []
+        while True:
+            out, is_settled = np.empty((len(ids), 4, 4)), self._are_settled(ids)
+            live = np.flatnonzero(~is_settled)
+            for slab, mine, rows in self._slabs.of(ids[live]):
+                out[live[mine]] = slab.poses[bank, rows]
+            if len(live) == len(ids):
+                break
+            T_anchor_keyframe, anchors = self._to_anchors(ids[is_settled])
+            ids, places = np.unique(anchors, return_inverse=True)  # these may be settled, too
+            followers.append((out, is_settled, places, T_anchor_keyframe))
+        for following, is_settled, places, T_anchor_keyframe in reversed(followers):
+            following[is_settled] = out[places] @ T_anchor_keyframe
+            out = following
         return out
 
     def all_poses(self, count: int, bank: int) -> np.ndarray:
         """T_world_cam [count, 4, 4] of the first `count` keyframes, copied."""
-        out = np.empty((count, 4, 4))
+        out, is_settled = np.empty((count, 4, 4)), self._column(_FLAGS, count) & _SETTLED > 0
         for s in range(-(-count // SLAB_ROWS)):
             part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            part[:] = self._slab(s).poses[bank, : len(part)]
+            live = _live(is_settled, s)
+            part[live] = self._slabs.slab(s).poses[bank, : len(part)][live]
+        if is_settled.any():
+            out[is_settled] = self.poses(np.flatnonzero(is_settled), bank)
         return out
 
     def write_bank(self, poses: np.ndarray, bank: int) -> None:
         """Overwrite the poses of the first keyframes in the bank that no process reads, [n, 4, 4]."""
+        is_settled = self._column(_FLAGS, len(poses)) & _SETTLED > 0
         for s in range(-(-len(poses) // SLAB_ROWS)):
             part = poses[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            self._slab(s).poses[bank, : len(part)] = part
+            live = _live(is_settled, s)
+            self._slabs.slab(s).poses[bank, : len(part)][live] = part[live]
 
-    def _by_slab(self, ids: np.ndarray) -> Iterator[tuple[_Slab, np.ndarray, np.ndarray]]:
-        """Each slab that has keyframes of `ids` [n], the mask [n] of these, and their rows in it."""
-        number = ids // SLAB_ROWS
-        for s in np.unique(number):
-            mine = number == s
-            yield self._slab(int(s)), mine, ids[mine] % SLAB_ROWS
+    def settled_blocks(self, blocks: int) -> np.ndarray:
+        """Which of the first blocks are settled, [blocks] bool."""
+        return self._column(_FLAGS, blocks * BLOCK_ROWS)[::BLOCK_ROWS] & _SETTLED > 0
+
+    def write_settled(
+        self, ids: np.ndarray, T_world_cam: np.ndarray, anchors: np.ndarray, T_anchors: np.ndarray
+    ) -> None:
+        """Write what retired keyframes `ids` [n] of one block need once it is settled: their anchors [n] from
+        now on, which are kept, and T_world_cam [n, 4, 4] of both.
+
+        Raises:
+            OutOfMemoryError: there is no memory for it; nothing has changed.
+        """
+        slab, rows = int(ids[0]) // SLAB_ROWS, ids % SLAB_ROWS
+        T_anchor_keyframe = inverse_batch(T_anchors) @ T_world_cam
+        self._slabs.relative(slab, create=True)[rows] = T_anchor_keyframe[:, :3]
+        self._slabs.slab(slab).meta[rows, _ANCHOR] = anchors
+
+    def mark_settled(self, block: int) -> None:
+        """From now on the keyframes of a block have the poses that `write_settled` wrote."""
+        ids = np.arange(block * BLOCK_ROWS, (block + 1) * BLOCK_ROWS)
+        self._slabs.slab(int(ids[0]) // SLAB_ROWS).meta[ids % SLAB_ROWS, _FLAGS] |= _SETTLED
+
+    def drop_block(self, block: int) -> None:
+        """Return the memory of a settled block, which no process reads, to the system."""
+        self._slabs.drop_block(block)
+
+    def _to_anchors(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """T_anchor_keyframe [n, 4, 4] of settled keyframes `ids` [n], and their anchors [n]."""
+        T, anchors = np.tile(np.eye(4), (len(ids), 1, 1)), np.empty(len(ids), np.int64)
+        for slab, mine, rows in self._slabs.of(ids):
+            T[mine, :3] = self._slabs.relative(int(ids[mine[0]]) // SLAB_ROWS)[rows]
+            anchors[mine] = slab.meta[rows, _ANCHOR]
+        return T, anchors
+
+    def _are_settled(self, ids: np.ndarray) -> np.ndarray:
+        """[n] bool, of keyframes `ids` [n]."""
+        flags = np.empty(len(ids), np.int64)
+        for slab, mine, rows in self._slabs.of(ids):
+            flags[mine] = slab.meta[rows, _FLAGS]
+        return flags & _SETTLED > 0
 
     def _meta(self, k: int) -> np.ndarray:
-        return self._slab(k // SLAB_ROWS).meta[k % SLAB_ROWS]
+        return self._slabs.slab(k // SLAB_ROWS).meta[k % SLAB_ROWS]
 
     def _column(self, column: int, count: int) -> np.ndarray:
         out = np.empty(count, np.int64)
         for s in range(-(-count // SLAB_ROWS)):
             part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            part[:] = self._slab(s).meta[: len(part), column]
+            part[:] = self._slabs.slab(s).meta[: len(part), column]
         return out
 
-    def _slab(self, index: int, create: bool = False) -> _Slab:
-        slab = self._slabs.get(index)
-        if slab is None:
-            names = [f"keyframe_{kind}.{index:03d}" for kind in _Slab._fields]
-            if create:
-                slab = _Slab(
-                    self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
-                    self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
-                    self._arrays.create(names[2], (SLAB_ROWS, 6, 6), np.float64),
-                    self._arrays.create(names[3], (SLAB_ROWS, 4, 4), np.float64),
-                )
-            else:
-                slab = _Slab(*(self._arrays.open(name) for name in names))
-            self._slabs[index] = slab
-        return slab
 
-    def _slab_gaps(self, index: int, create: bool = False) -> np.ndarray:
-        gaps = self._gaps.get(index)
-        if gaps is None:
-            name = f"keyframe_gaps.{index:03d}"
-            if create:
-                gaps = self._arrays.create(name, (SLAB_ROWS, 6, 6), np.float64)
-            else:
-                gaps = self._arrays.open(name)
-            self._gaps[index] = gaps
-        return gaps
+def _live(is_settled: np.ndarray, slab: int) -> slice | np.ndarray:
+    """The rows of a slab that have poses of their own; all of them as a slice. `is_settled`: of all, [n]."""
+    mine = is_settled[slab * SLAB_ROWS : (slab + 1) * SLAB_ROWS]
+    return np.flatnonzero(~mine) if mine.any() else slice(None)

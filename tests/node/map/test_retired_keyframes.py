@@ -11,7 +11,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.keyframes.rows import SLAB_ROWS
+from hsslam_node.map.keyframes.row_slabs import SLAB_ROWS
 from hsslam_node.map.keyframes.slots import SLAB_KEYFRAMES
 from hsslam_node.map.pose_correction import PoseCorrection
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
