@@ -30,16 +30,18 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
     A = T_cam_index
     sides = _frustum(image, A)
     steps = _steps_in_part(image, A)
-    places = np.empty((3, _PART**3))
+    places, asked = np.empty((3, _PART**3)), np.empty(_PART**3, np.int64)
     for k in range(0, nz, _BLOCK):
         for j in range(0, ny, _BLOCK):
             for i in range(0, nx, _BLOCK):
                 if _is_beside(sides, i, j, k, _BLOCK):
                     continue
-                word, farthest = _word_of_block(image, A, i, j, k, _BLOCK, far_m)
+                if _is_at_least(i, j, k, _BLOCK, evidence):
+                    continue
+                word = _word_of_block(image, A, i, j, k, _BLOCK, far_m, False)[0]
                 if word == _THROUGHOUT:
                     _pass_block(i, j, k, _BLOCK, evidence)
-                elif word == _MIXED and not _is_at_least(i, j, k, _BLOCK, evidence):
+                elif word == _MIXED:
                     for part in range(8):
                         a, b, c = (
                             i + part % 2 * _PART,
@@ -52,21 +54,23 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                             continue
                         if _is_at_least(a, b, c, _PART, evidence):
                             continue
-                        word, farthest = _word_of_block(image, A, a, b, c, _PART, far_m)
+                        word, farthest = _word_of_block(
+                            image, A, a, b, c, _PART, far_m, True
+                        )
                         if word == _THROUGHOUT:
                             _pass_block(a, b, c, _PART, evidence)
                         elif word == _MIXED:
                             _place_voxels(image, A, a, b, c, steps, places)
                             _pass_voxels(
-                                image, places, a, b, c, voxel_m, far_m, farthest, slot, evidence
+                                image, places, a, b, c, voxel_m, far_m, farthest, slot, evidence, asked
                             )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _word_of_block(image, A, i, j, k, side, far_m):
+def _word_of_block(image, A, i, j, k, side, far_m, asks_farthest):
     """What the image says of a block of voxels as a whole, from a box about it along the camera's axes.
 
-    Returns that and the farthest depth in the box, m.
+    Returns that and the farthest depth in the box, m; of a mixed block only if asked, else some depth in it.
     """
     none, unlimited = np.float32(0.0), np.float32(np.inf)
     height, width = image.depth.shape
@@ -97,6 +101,9 @@ def _word_of_block(image, A, i, j, k, side, far_m):
         for c in range(max(int(u0), 0) // TILE_PX, min(int(u1), width - 1) // TILE_PX + 1):
             nearest = min(nearest, image.tile_nearest[r, c])
             farthest = max(farthest, image.tile_farthest[r, c])
+        is_mixed = farthest >= z - reach_z and not (is_whole and nearest > z + reach_z)
+        if is_mixed and not asks_farthest:
+            return _MIXED, farthest
     if farthest < z - reach_z:
         return _BEHIND, farthest
     if is_whole and nearest > z + reach_z:
@@ -191,32 +198,45 @@ def _place_voxels(image, A, i, j, k, steps, places):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pass_voxels(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence):
-    """The voxels of a part one by one; none of its pixels saw farther than `farthest`, m."""
+def _pass_voxels(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked):
+    """The voxels of a part one by one; none of its pixels saw farther than `farthest`, m.
+
+    `asked` [64] int64: room for the numbers of the voxels that are looked for in the image. They are chosen
+    without branches, as no processor could foresee them.
+    """
+    half_px = 0.5 * voxel_m * max(image.fx, image.fy)  # of a voxel 1 m away
+    right, down, ahead = places[0], places[1], places[2]
+    for n in asked[: _ask(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked)]:
+        a, b, c = i + n % _PART, j + n // _PART % _PART, k + n // _PART**2
+        u, v, z = int(right[n]), int(down[n]), ahead[n]
+        through, before = z + 0.5 * voxel_m, evidence[c, b, a]
+        level = (half_px > REACHES_PX[0] * z) + (half_px > REACHES_PX[1] * z)
+        is_through = image.nearest[level, v, u] > through
+        if before > 0 and not is_through:
+            is_through = _most_see_through(image, u, v, half_px / z, through)
+        evidence[c, b, a] = before - is_through
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ask(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked):
+    """Write the numbers of a part's voxels that a pass may change and that are in the image; how many."""
     nz, ny, nx = evidence.shape
     height, width = image.depth.shape
-    half_px = 0.5 * voxel_m * max(image.fx, image.fy)  # of a voxel 1 m away
+    right, down, ahead = places[0], places[1], places[2]
+    count = 0
     for c in range(k, min(k + _PART, nz)):
         for b in range(j, min(j + _PART, ny)):
             here, hits = evidence[c, b], slot[c, b]
             first = ((c - k) * _PART + b - j) * _PART - i
             for a in range(i, min(i + _PART, nx)):
-                z = places[2, first + a]
-                through = z + 0.5 * voxel_m
-                is_near = z >= _NEAREST_M and z <= far_m
-                is_open = here[a] > LEAST and (here[a] > 0 or through < farthest)
-                if not (is_near and is_open and hits[a] == 0):
-                    continue
-                right, down = places[0, first + a], places[1, first + a]
-                if right < 0 or down < 0 or right >= width or down >= height:
-                    continue
-                u, v = int(right), int(down)
-                level = (half_px > REACHES_PX[0] * z) + (half_px > REACHES_PX[1] * z)
-                is_through = image.nearest[level, v, u] > through
-                if not is_through and here[a] > 0:
-                    is_through = _most_see_through(image, u, v, half_px / z, through)
-                if is_through:
-                    here[a] = max(here[a] - 1, LEAST)
+                n = first + a
+                z, u, v = ahead[n], right[n], down[n]
+                is_open = (here[a] > 0) | (z + 0.5 * voxel_m < farthest)
+                is_open &= (here[a] > LEAST) & (hits[a] == 0)
+                is_inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+                asked[count] = n
+                count += is_open & is_inside & (z >= _NEAREST_M) & (z <= far_m)
+    return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -225,9 +245,15 @@ def _most_see_through(image, u, v, half_px, through):
     height, width = image.depth.shape
     reach = int(half_px + 0.5)
     step = reach // _SIDE_SAMPLES + 1
+    row, first = max(v - reach, 0), max(u - reach, 0)
+    below, end = min(v + reach + 1, height), min(u + reach + 1, width)
     total = beyond = 0
-    for row in range(max(v - reach, 0), min(v + reach + 1, height), step):
-        for column in range(max(u - reach, 0), min(u + reach + 1, width), step):
+    # numba's range divides to count the turns of a loop with a step, which takes as long as the loop
+    while row < below:
+        pixels, column = image.depth[row], first
+        while column < end:
             total += 1
-            beyond += image.depth[row, column] > through
+            beyond += pixels[column] > through
+            column += step
+        row += step
     return beyond >= _THROUGH * total
