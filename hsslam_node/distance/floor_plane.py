@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from hsslam_node.distance.kernels.level_points import sum_within, write_points
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
@@ -136,9 +137,7 @@ def find_floor(
         UserError: there is no view with depth, or `up` is no direction.
     """
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), _MOST_VIEWS)).astype(int))
-    parts = [_points_and_normals(views[n][0], views[n][1], camera, max_depth_m) for n in chosen]
-    points = np.concatenate([p for p, _ in parts] or [np.empty((0, 3))])
-    normals = np.concatenate([n for _, n in parts] or [np.empty((0, 3))])
+    points, normals = _points_and_normals([views[n] for n in chosen], camera, max_depth_m)
     if len(points) == 0:
         near = [np.where(views[n][0] < max_depth_m, views[n][0], 0) for n in chosen]
         seen = [world_points(z, camera, views[n][1]) for z, n in zip(near, chosen, strict=True)]
@@ -150,12 +149,12 @@ def find_floor(
     if up is not None:
         return _below(points, normals, poses, _direction(up), up_source)
     start = mean_up(poses)
-    direction = start
+    direction, total = start, np.empty(3)
     for cone_deg in _CONES_DEG:
-        near = normals @ direction > np.cos(np.deg2rad(cone_deg))
-        if near.sum() < _FEWEST:
+        near = sum_within(normals, direction, np.cos(np.deg2rad(cone_deg)), total)
+        if near < _FEWEST:
             return _below(points, normals, poses, start, "camera poses")
-        direction = _direction(normals[near].mean(axis=0))
+        direction = _direction(total / near)
     on_floor = _floor_points(points, normals, poses, direction)
     if on_floor is None:
         return _below(points, normals, poses, start, "camera poses")
@@ -166,24 +165,20 @@ def find_floor(
 
 
 def _points_and_normals(
-    depth_m: np.ndarray, T_world_cam: np.ndarray, camera: Camera, max_depth_m: float
+    views: Sequence[tuple[np.ndarray, np.ndarray]], camera: Camera, max_depth_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points [N, 3] m of a view and the normals of the surface about them, towards the camera; world."""
-    step = max(depth_m.shape[0] // _ROWS_PX, 1)
-    z = depth_m[::step, ::step].astype(np.float64)
-    u = (np.arange(z.shape[1]) * step - camera.cx) / camera.fx
-    v = (np.arange(z.shape[0]) * step - camera.cy) / camera.fy
-    grid = np.stack([u[None] * z, v[:, None] * z, z], axis=-1)
-    right, below = grid[1:-1, 2:] - grid[1:-1, :-2], grid[2:, 1:-1] - grid[:-2, 1:-1]
-    normal = np.cross(below, right)  # towards the camera, as y points down
-    around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1]])
-    middle = z[1:-1, 1:-1]
-    is_surface = (middle > 0) & (middle < max_depth_m)
-    is_surface &= (np.abs(around - middle) < 0.05 * middle).all(axis=0)
-    normal = normal[is_surface]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-20
-    R = T_world_cam[:3, :3]
-    return grid[1:-1, 1:-1][is_surface] @ R.T + T_world_cam[:3, 3], normal @ R.T
+    """Points [N, 3] m of views and the normals of the surface about them, towards the camera; world."""
+    steps = [max(depth_m.shape[0] // _ROWS_PX, 1) for depth_m, _ in views]
+    sizes = [depth_m[::step, ::step].size for (depth_m, _), step in zip(views, steps, strict=True)]
+    points, normals = np.empty((2, sum(sizes), 3))
+    end = 0
+    for (depth_m, T_world_cam), step in zip(views, steps, strict=True):
+        end += write_points(
+            np.ascontiguousarray(depth_m, np.float32), step,
+            float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy),
+            np.ascontiguousarray(T_world_cam, np.float64), float(max_depth_m), points[end:], normals[end:],
+        )  # fmt: skip
+    return points[:end], normals[:end]
 
 
 def _floor_points(
