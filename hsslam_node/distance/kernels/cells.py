@@ -17,10 +17,9 @@ def look_down(states, free, occupied):
         free: [ny, nx] int32, 0; the number of free voxels is written.
         occupied: [ny, nx] uint8, 0; 1 is written where a voxel is occupied.
     """
-    layers, ny, nx = states.shape
-    for k in range(layers):
-        for j in range(ny):
-            row, count, has_occupied = states[k, j], free[j], occupied[j]
-            for i in range(nx):
-                count[i] += np.int32(row[i] == _FREE)
-                has_occupied[i] |= np.uint8(row[i] == _OCCUPIED)
+    count, has_occupied = free.reshape(-1), occupied.reshape(-1)
+    for k in range(len(states)):
+        layer = states[k].reshape(-1)
+        for n in range(len(layer)):
+            count[n] += np.int32(layer[n] == _FREE)
+            has_occupied[n] |= np.uint8(layer[n] == _OCCUPIED)

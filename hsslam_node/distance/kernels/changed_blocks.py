@@ -5,6 +5,7 @@ import numpy as np
 from hsslam_node.distance.states import BLOCK_SIDE, NOT_KNOWN_MM
 from hsslam_node.kernels.compiled import njit
 
+_NOT_KNOWN = np.int16(NOT_KNOWN_MM)
 _LEAST_MM, _LARGEST_MM = np.float32(-32767.0), np.float32(32767.0)
 
 
@@ -23,29 +24,26 @@ def renew_blocks(distance_m, offset, box, tolerance_mm, blocks, changed):
     nz, ny, nx = distance_m.shape
     low, high = box[0, 2] * BLOCK_SIDE, box[1, 2] * BLOCK_SIDE  # of rows, as are left and right
     left, right = max(low, offset[2]), min(high, offset[2] + nx)
-    rows = np.full((BLOCK_SIDE, BLOCK_SIDE, high - low), NOT_KNOWN_MM, np.int16)
-    most = np.empty(high - low, np.int32)
+    rows = np.full((BLOCK_SIDE * BLOCK_SIDE, high - low), _NOT_KNOWN, np.int16)
+    most = np.empty(high - low, np.uint16)
     for c in range(box[0, 0], box[1, 0]):
         for b in range(box[0, 1], box[1, 1]):
             most[:] = 0
             for n in range(BLOCK_SIDE * BLOCK_SIDE):
                 z, y = c * BLOCK_SIDE + n // BLOCK_SIDE, b * BLOCK_SIDE + n % BLOCK_SIDE
                 k, j = z - offset[0], y - offset[1]
-                row, before = rows[n // BLOCK_SIDE, n % BLOCK_SIDE], blocks[z, y, low:high]
+                row = rows[n]
                 if 0 <= k < nz and 0 <= j < ny and left < right:
                     values_m = distance_m[k, j, left - offset[2] : right - offset[2]]
-                    inner = slice(left - low, right - low)
-                    _to_mm(values_m, before[inner], row[inner], most[inner])
-                    _compare(row[: left - low], before[: left - low], most[: left - low])
-                    _compare(row[right - low :], before[right - low :], most[right - low :])
+                    _to_mm(values_m, row[left - low : right - low])
                 else:
-                    row[:] = NOT_KNOWN_MM
-                    _compare(row, before, most)
+                    row[:] = _NOT_KNOWN
+                _compare(row, blocks[z, y, low:high], most)
             for a in range(box[0, 2], box[1, 2]):
                 at = a * BLOCK_SIDE - low
                 if most[at : at + BLOCK_SIDE].max() > tolerance_mm:
                     changed[c, b, a] = 1
-                    _copy(rows[:, :, at : at + BLOCK_SIDE], _block(blocks, c, b, a))
+                    _copy_rows(rows, at, _block(blocks, c, b, a))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -74,18 +72,27 @@ def _copy(source, target):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_mm(values_m, before, out, most):
-    """Write distances [n] in mm, and let `most` [n] int32 grow to their differences from `before`."""
-    for i in range(len(values_m)):
+def _copy_rows(rows, at, target):
+    """A block, from its place in 256 longer rows."""
+    for n in range(BLOCK_SIDE * BLOCK_SIDE):
+        a, b = rows[n], target[n // BLOCK_SIDE, n % BLOCK_SIDE]
+        for i in range(BLOCK_SIDE):
+            b[i] = a[at + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_mm(values_m, out):
+    """Write distances [n] in mm."""
+    for i in range(len(out)):
         mm = min(np.float32(1000.0) * values_m[i], _LARGEST_MM)
         mm = mm if mm >= _LEAST_MM else np.float32(NOT_KNOWN_MM)  # of nan too
-        whole = np.int32(np.rint(mm))
-        out[i] = whole
-        most[i] = max(most[i], abs(whole - np.int32(before[i])))
+        out[i] = np.int32(np.rint(mm))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _compare(now, before, most):
-    """Let `most` [n] int32 grow to the differences of two rows [n]."""
+    """Let `most` [n] uint16 grow to the differences of two rows [n] int16."""
     for i in range(len(most)):
-        most[i] = max(most[i], abs(np.int32(now[i]) - np.int32(before[i])))
+        a, b = now[i], before[i]
+        apart = np.uint16(a - b if a > b else b - a)
+        most[i] = apart if apart > most[i] else most[i]

@@ -53,39 +53,54 @@ def gather_hits(image, T_index_cam, far_m, touched):
     T = T_index_cam
     nz, ny, nx = touched.slot.shape
     height, width = image.depth.shape
-    a0, a1, a2 = (
-        T[0, 0] / image.fx,
-        T[1, 0] / image.fx,
-        T[2, 0] / image.fx,
-    )  # voxels per pixel and m
+    a = T[:, 0] / image.fx  # voxels per pixel and m
+    slots, sums = touched.slot.reshape(-1), touched.sums
+    inside, offsets = np.empty(width, np.int32), np.empty((3, width), np.float32)
     used = 0
     for row in range(height):
         down = (row - image.cy) / image.fy
-        b0 = T[0, 1] * down + T[0, 2] - a0 * image.cx
-        b1 = T[1, 1] * down + T[1, 2] - a1 * image.cx
-        b2 = T[2, 1] * down + T[2, 2] - a2 * image.cx
+        b = T[:, 1] * down + T[:, 2] - a * image.cx
+        _place_pixels(image.depth[row], a, b, T[:, 3].copy(), (nz, ny, nx), far_m, inside, offsets)
         for column in range(width):
-            d = image.depth[row, column]
-            if d == 0.0 or d >= far_m + _SPREAD_M:
+            at = inside[column]
+            if at < 0:
                 continue
-            p0 = (a0 * column + b0) * d + T[0, 3]
-            p1 = (a1 * column + b1) * d + T[1, 3]
-            p2 = (a2 * column + b2) * d + T[2, 3]
-            i, j, k = int(np.floor(p0 + 0.5)), int(np.floor(p1 + 0.5)), int(np.floor(p2 + 0.5))
-            if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
-                continue
-            s = touched.slot[k, j, i]
+            s = slots[at]
             if s == 0:
                 used += 1
                 s = used
-                touched.slot[k, j, i] = s
-                touched.voxel[s] = (k << 40) | (j << 20) | i
-                touched.sums[s] = 0.0
-            touched.sums[s, 0] += np.float32(p0 - i)
-            touched.sums[s, 1] += np.float32(p1 - j)
-            touched.sums[s, 2] += np.float32(p2 - k)
-            touched.sums[s, 3] += np.float32(1.0)
+                slots[at] = s
+                k, rest = divmod(at, ny * nx)
+                touched.voxel[s] = (k << 40) | (rest // nx << 20) | rest % nx
+                sums[s] = 0.0
+            sums[s, 0] += offsets[0, column]
+            sums[s, 1] += offsets[1, column]
+            sums[s, 2] += offsets[2, column]
+            sums[s, 3] += np.float32(1.0)
     return used
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place_pixels(depth, a, b, start, shape, far_m, inside, offsets):
+    """Write the voxels of a row of pixels, counted in memory, below 0: none, and the places in them.
+
+    A pixel lies at `(a column + b) depth + start`, in fractional indices (x, y, z), [3] each.
+    """
+    nz, ny, nx = shape
+    end = far_m + _SPREAD_M
+    x, y, z = offsets[0], offsets[1], offsets[2]
+    a0, a1, a2, b0, b1, b2 = a[0], a[1], a[2], b[0], b[1], b[2]
+    t0, t1, t2 = start[0], start[1], start[2]
+    for column in range(len(inside)):
+        d = depth[column]
+        p0 = (a0 * column + b0) * d + t0
+        p1 = (a1 * column + b1) * d + t1
+        p2 = (a2 * column + b2) * d + t2
+        i, j, k = np.floor(p0 + 0.5), np.floor(p1 + 0.5), np.floor(p2 + 0.5)
+        x[column], y[column], z[column] = p0 - i, p1 - j, p2 - k
+        is_inside = (d != 0.0) & (d < end) & (i >= 0) & (j >= 0) & (k >= 0)
+        is_inside &= (i < nx) & (j < ny) & (k < nz)
+        inside[column] = np.int32((k * ny + j) * nx + i) if is_inside else np.int32(-1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
