@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hsslam_node.distance.kernels.surface_sites import known_box
+from hsslam_node.distance.kernels.known_voxels import known_box
 from hsslam_node.distance.states import UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
@@ -33,6 +33,9 @@ class DistanceMap:
     distance_m: np.ndarray  # [nx, ny, nz] float32 at middles of voxels; nan far from known ones
     states: np.ndarray  # [nx, ny, nz] uint8: UNKNOWN, FREE, OCCUPIED
     T_grid_world: np.ndarray = field(default_factory=lambda: np.eye(4))
+    box: np.ndarray | None = field(
+        default=None, repr=False
+    )  # of `known_box`, if it is known already
 
     def __post_init__(self) -> None:
         for name, kind in (("distance_m", np.float32), ("states", np.uint8)):
@@ -43,6 +46,8 @@ class DistanceMap:
 
     def known_box(self) -> np.ndarray:
         """First and end (z, y, x) of the voxels that have a distance, [2, 3] int64, or a little more."""
+        if self.box is not None:
+            return self.box
         box = np.empty((2, 3), np.int64)
         known_box(np.ascontiguousarray(self.states.T), box)
         return box

@@ -14,13 +14,13 @@ from hsslam_node.distance.kernels.distance_transform import (
 )
 from hsslam_node.distance.kernels.surface_sites import (
     SITE_COLUMNS,
-    known_box,
     mark_near_known,
     number_sites,
     signed_distances,
 )
 from hsslam_node.distance.occupancy import Occupancy, expect_far
 from hsslam_node.errors import UserError
+from hsslam_node.kernels.simd import WIDTH
 
 FAR_M = 2.0
 _MOST_FAR = 1 << 15  # voxels: 64 bits hold their square beside the number of any voxel of a grid
@@ -36,7 +36,7 @@ class DistanceMeter:
     def __init__(self, far_m: float = FAR_M) -> None:
         expect_far(far_m)
         self._far_m = far_m
-        self._keys, self._needed = np.empty(0, np.uint32), np.empty(0, np.uint8)
+        self._keys, self._needed = np.empty(0, np.uint32), np.empty(0, np.uint16)
 
     def measure(self, occupancy: Occupancy) -> DistanceMap:
         """Distances of what is known now; the map stays as it is when the occupancy changes.
@@ -46,26 +46,26 @@ class DistanceMeter:
         """
         grid = occupancy.grid
         states, surface = occupancy.states().T, occupancy.surfaces().T
-        distance_m = np.full(states.shape, np.nan, np.float32)
-        box = np.empty((2, 3), np.int64)
-        count = known_box(states, box)
-        (z, y, x), (z_end, y_end, x_end) = box
-        known = np.ascontiguousarray(states[z:z_end, y:y_end, x:x_end])
-        if known.size:
-            self._fill(known, count, surface, box[0], grid.voxel_m, distance_m)
-        return DistanceMap(grid, distance_m.T, states.T, occupancy.T_grid_world)
+        box, count = occupancy.known_box()
+        distance_m = np.empty(states.shape, np.float32)
+        if (box[0] < box[1]).all():
+            self._fill(states, count, surface, box, grid.voxel_m, distance_m)
+        else:
+            distance_m[:] = np.nan
+        return DistanceMap(grid, distance_m.T, states.T, occupancy.T_grid_world, box)
 
     def _fill(
         self,
         states: np.ndarray,
         count: int,
         surface: np.ndarray,
-        low: np.ndarray,
+        box: np.ndarray,
         voxel_m: float,
         distance_m: np.ndarray,
     ) -> None:
-        """Write the distances of a box of states, which begins at `low` (z, y, x) and has `count` sites."""
-        nz, ny, nx = states.shape
+        """Write distances [nz, ny, nx], of a grid whose known voxels lie in a box and have `count` sites."""
+        low = box[0]
+        nz, ny, nx = (box[1] - low).tolist()
         if self._far_m > _MOST_FAR * voxel_m:
             raise UserError(
                 f"far_m = {self._far_m}: expected {_MOST_FAR * voxel_m:g} m at most with voxels of "
@@ -76,9 +76,9 @@ class DistanceMeter:
         keys, needed = self._room((nz, ny, padded_width(nx)), key_type(far, bits))
         sites = np.empty((max(count, 1), SITE_COLUMNS), np.float32)
         number_sites(states, surface, low, no_site(far, bits), keys, sites)
-        mark_near_known(states, needed)
+        mark_near_known(states, low, nx, needed)
         nearest_sites(keys, needed, far, bits)
-        signed_distances(keys, bits, far, states, sites, voxel_m, low, distance_m)
+        signed_distances(keys, bits, far, states, sites, voxel_m, low, nx, distance_m)
 
     def _room(
         self, shape: tuple[int, int, int], kind: type[np.unsignedinteger]
@@ -86,5 +86,6 @@ class DistanceMeter:
         """Keys and marks of this shape, in the memory of earlier ones."""
         size = math.prod(shape)
         if len(self._keys) < size or self._keys.dtype != kind:
-            self._keys, self._needed = np.empty(size, kind), np.empty(size, np.uint8)
-        return self._keys[:size].reshape(shape), self._needed[:size].reshape(shape)
+            self._keys, self._needed = np.empty(size, kind), np.empty(size // WIDTH, np.uint16)
+        needed = self._needed[: size // WIDTH].reshape(*shape[:2], shape[2] // WIDTH)
+        return self._keys[:size].reshape(shape), needed

@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.kernels.cells import look_down
 from hsslam_node.distance.kernels.distance_transform import (
+    marks,
     nearest_sites,
     no_site,
     padded_width,
@@ -62,10 +63,8 @@ class GridMap:
         known = self.cells != CELL_UNKNOWN
         none = no_site(far, _NO_NUMBERS)
         keys = np.full((1, height, padded_width(width)), none, np.uint32)
-        needed = np.zeros(keys.shape, np.uint8)
         keys[0, :, :width][self.cells == CELL_OCCUPIED] = 0
-        needed[0, :, :width] = known
-        nearest_sites(keys, needed, far, _NO_NUMBERS)
+        nearest_sites(keys, marks(known[None]), far, _NO_NUMBERS)
         squared = keys[0, :, :width]
         distance = np.minimum(np.sqrt(squared, dtype=np.float64) * self.resolution_m, far_m)
         return np.where(known, np.where(squared < none, distance, far_m), np.nan).astype(np.float32)

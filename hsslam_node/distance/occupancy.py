@@ -4,20 +4,18 @@ import numpy as np
 
 from hsslam_node.distance.kernels.depth_extremes import depth_extremes
 from hsslam_node.distance.kernels.hits import (
-    OCCUPIED_FROM,
     Touched,
     add_hits,
     forget_hits,
     gather_hits,
     touched,
 )
+from hsslam_node.distance.kernels.known_voxels import room_for_states, write_states
 from hsslam_node.distance.kernels.passes import add_passes
 from hsslam_node.distance.kernels.shift import shift
-from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.kernels.compiled import njit
 from hsslam_node.presets import REALTIME
 
 FAR_M = 4.0  # with 6 m, noise of a Kinect leaves surfaces in free space (docs/maps.md)
@@ -59,6 +57,7 @@ class Occupancy:
         self._surface = np.zeros((*grid.shape[::-1], _RECORD_BYTES), np.int8)
         self._touched: Touched | None = None
         self._states: np.ndarray | None = None  # if nothing has changed since they were asked for
+        self._known_box, self._occupied = np.zeros((2, 3), np.int64), 0  # of them
 
     def observe(
         self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 1
@@ -118,18 +117,17 @@ class Occupancy:
     def states(self) -> np.ndarray:
         """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8; not to be written to."""
         if self._states is None:
-            self._states = np.empty(self._evidence.shape, np.uint8)
-            _write_states(self._evidence.reshape(-1), self._states.reshape(-1))
+            self._states = room_for_states(self._evidence.shape)
+            self._occupied = write_states(self._evidence, self._states, self._known_box)
             self._states.flags.writeable = False
         return self._states.T
+
+    def known_box(self) -> tuple[np.ndarray, int]:
+        """First and end (z, y, x) of the voxels that are known, [2, 3] int64, or a little more; how many are
+        occupied."""
+        self.states()
+        return self._known_box.copy(), self._occupied
 
     def surfaces(self) -> np.ndarray:
         """What occupied voxels keep of their surface, [8, nx, ny, nz] int8 (`surface_record.py`)."""
         return self._surface.T
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _write_states(evidence, states):
-    for n in range(len(evidence)):
-        e = evidence[n]
-        states[n] = OCCUPIED if e >= OCCUPIED_FROM else FREE if e < 0 else UNKNOWN

@@ -7,9 +7,9 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from hsslam_node.kernels.simd import WIDTH, operation, place_of
+from hsslam_node.kernels.simd import WIDTH, broadcast, operation, place_of
 
-_BYTES = ir.VectorType(ir.IntType(8), WIDTH)
+_BYTES, _BITS = (ir.VectorType(ir.IntType(width), WIDTH) for width in (8, 1))
 
 
 @operation
@@ -53,17 +53,38 @@ def where_less(typingctx, a, b, yes, no):
 
 
 @operation
-def where_set(typingctx, array, offset, yes, no):
-    """`yes` in the lanes whose byte, of 16 from `offset` on, is not 0, else `no`."""
+def any_less(typingctx, a, b):
+    """Whether a < b in any lane."""
+
+    def codegen(context, builder, signature, args):
+        less = builder.bitcast(builder.icmp_unsigned("<", *args), ir.IntType(WIDTH))
+        return builder.icmp_unsigned("!=", less, ir.Constant(ir.IntType(WIDTH), 0))
+
+    return types.boolean(a, a), codegen
+
+
+@operation
+def where_bits(typingctx, bits, yes, no):
+    """`yes` in the lanes whose bit of a uint16 is set, the lowest bit first, else `no`."""
+
+    def codegen(context, builder, signature, args):
+        return builder.select(builder.bitcast(args[0], _BITS), args[1], args[2])
+
+    return yes(types.uint16, yes, yes), codegen
+
+
+@operation
+def equal_bits(typingctx, array, offset, value):
+    """Which of the 16 bytes from `offset` on equal `value`, as bits of a uint16, the lowest first."""
 
     def codegen(context, builder, signature, args):
         place = place_of(context, builder, signature.args[0], args[0], args[1], _BYTES)
-        is_set = builder.icmp_unsigned(
-            "!=", builder.load(place, align=1), ir.Constant(_BYTES, None)
+        is_equal = builder.icmp_unsigned(
+            "==", builder.load(place, align=1), broadcast(builder, args[2], _BYTES)
         )
-        return builder.select(is_set, args[2], args[3])
+        return builder.bitcast(is_equal, ir.IntType(WIDTH))
 
-    return yes(array, types.intp, yes, yes), codegen
+    return types.uint16(array, types.intp, types.uint8), codegen
 
 
 @operation

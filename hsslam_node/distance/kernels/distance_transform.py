@@ -15,10 +15,11 @@ from hsslam_node.kernels.copy_rows import copy_row
 from hsslam_node.kernels.simd import WIDTH, load, spread, store
 from hsslam_node.kernels.simd_keys import (
     add_keys,
+    any_less,
     largest_key,
     least_keys,
+    where_bits,
     where_less,
-    where_set,
 )
 
 _AT_ONCE = 4  # neighbours to each side that are compared before the next look at what is left
@@ -40,6 +41,14 @@ def padded_width(nx: int) -> int:
     return WIDTH * math.ceil(nx / WIDTH)
 
 
+def marks(mask: np.ndarray) -> np.ndarray:
+    """A mask [..., nx] as bits [..., padded width / 16] uint16, the lowest first."""
+    nx = mask.shape[-1]
+    padded = np.zeros((*mask.shape[:-1], padded_width(nx)), np.bool_)
+    padded[..., :nx] = mask
+    return np.packbits(padded, axis=-1, bitorder="little").view("<u2")
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest_sites(keys, needed, far, bits):
     """Fill in, in place, the keys of the voxels that are needed, up to `far` voxels from a site.
@@ -48,7 +57,7 @@ def nearest_sites(keys, needed, far, bits):
 
     Args:
         keys: [nz, ny, width] of `key_type`; a site has its number, another voxel `no_site`.
-        needed: [nz, ny, width] uint8.
+        needed: [nz, ny, width / 16] uint16, a bit for each voxel, the lowest first (`marks`).
         far: voxels.
         bits: of the number of a site.
     """
@@ -60,15 +69,17 @@ def nearest_sites(keys, needed, far, bits):
     column = np.full((nz + 2 * (reach + _AT_ONCE), WIDTH), none, keys.dtype)
     margin = far + _AT_ONCE
     line = np.full(width + 2 * margin, none, keys.dtype)
+    least = np.full(width + 2 * margin, none, keys.dtype)
     limit = np.empty(width // WIDTH, keys.dtype)
     for j in range(ny):
         _limits(keys, needed, j, limit)
         for k in range(nz):
             copy_row(keys[k, j], line[margin : margin + width])
-            _along_x(line, limit, far, bits, keys[k, j])
+            _least_of_four(line[margin - 3 :], least[margin - 3 : margin + width])
+            _along_x(line, least, limit, far, bits, keys[k, j])
         for group in range(len(limit)):
             if limit[group] > 0:
-                _along_z(keys, needed, j, group * WIDTH, column, none, reach, bits)
+                _along_z(keys, needed, j, group, column, none, reach, bits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -81,7 +92,7 @@ def _limits(keys, needed, j, limit):
         most = zero
         for k in range(nz):
             at = (k * ny + j) * width + group * WIDTH
-            key = where_set(needed, at, add_keys(load(keys, at), one), zero)
+            key = where_bits(needed[k, j, group], add_keys(load(keys, at), one), zero)
             most = where_less(most, key, key, most)
         limit[group] = largest_key(most)
 
@@ -114,8 +125,19 @@ def _sweep_y(keys, far, bits):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _along_x(line, limit, far, bits, out):
-    """Nearest sites among those of a line, [width]; none that is farther than the limit of its 16 columns."""
+def _least_of_four(line, least):
+    """Write the least key of each one of a line and the three that follow it."""
+    for n in range(len(least)):
+        least[n] = min(min(line[n], line[n + 1]), min(line[n + 2], line[n + 3]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _along_x(line, least, limit, far, bits, out):
+    """Nearest sites among those of a line, [width]; none that is farther than the limit of its 16 columns.
+
+    `least`: of each key of the line and the three that follow, so that one look shows that none of four
+    neighbours is nearer.
+    """
     kind = line.dtype.type
     none = spread(kind(no_site(far, bits)))
     for group in range(len(limit)):
@@ -129,6 +151,10 @@ def _along_x(line, limit, far, bits, out):
         for first in range(1, far + 1, _AT_ONCE):
             if kind((first * first) << bits) > most:
                 break
+            last = first + _AT_ONCE - 1
+            nearest = least_keys(load(least, at - last), load(least, at + first))
+            if not any_less(add_keys(nearest, spread(kind((first * first) << bits))), best):
+                continue
             for d in range(first, first + _AT_ONCE):
                 nearer = least_keys(load(line, at - d), load(line, at + d))
                 best = least_keys(best, add_keys(nearer, spread(kind((d * d) << bits))))
@@ -137,20 +163,24 @@ def _along_x(line, limit, far, bits, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _along_z(keys, needed, j, start, column, no_key, reach, bits):
-    """Nearest sites among those of the columns (j, start) to (j, start + 15), in place.
+def _along_z(keys, needed, j, group, column, no_key, reach, bits):
+    """Nearest sites among those of the 16 columns (j, i) of a group, in place.
 
     `column` [nz + 2 (reach + 4), 16]: room for a copy, between rows of `no_key`.
     """
     nz, ny, width = keys.shape
     kind = keys.dtype.type
     zero, none = spread(kind(0)), spread(no_key)
-    margin = reach + _AT_ONCE
+    margin, start = reach + _AT_ONCE, group * WIDTH
     for k in range(nz):
         store(column, (margin + k) * WIDTH, load(keys, (k * ny + j) * width + start))
     for k in range(nz):
         place, at = (k * ny + j) * width + start, (margin + k) * WIDTH
-        best = where_set(needed, place, load(column, at), zero)
+        asked = needed[k, j, group]
+        if asked == 0:
+            store(keys, place, none)
+            continue
+        best = where_bits(asked, load(column, at), zero)
         most = largest_key(best)
         for first in range(1, reach + 1, _AT_ONCE):
             if kind((first * first) << bits) > most:
@@ -159,4 +189,4 @@ def _along_z(keys, needed, j, start, column, no_key, reach, bits):
                 nearer = least_keys(load(column, at - d * WIDTH), load(column, at + d * WIDTH))
                 best = least_keys(best, add_keys(nearer, spread(kind((d * d) << bits))))
             most = min(most, largest_key(best))
-        store(keys, place, least_keys(where_set(needed, place, best, none), none))
+        store(keys, place, least_keys(where_bits(asked, best, none), none))

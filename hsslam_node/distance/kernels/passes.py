@@ -54,15 +54,23 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                             continue
                         if _is_at_least(a, b, c, _PART, evidence):
                             continue
-                        word, farthest = _word_of_block(
-                            image, A, a, b, c, _PART, far_m, True
-                        )
+                        word, farthest = _word_of_block(image, A, a, b, c, _PART, far_m, True)
                         if word == _THROUGHOUT:
                             _pass_block(a, b, c, _PART, evidence)
                         elif word == _MIXED:
                             _place_voxels(image, A, a, b, c, steps, places)
                             _pass_voxels(
-                                image, places, a, b, c, voxel_m, far_m, farthest, slot, evidence, asked
+                                image,
+                                places,
+                                a,
+                                b,
+                                c,
+                                voxel_m,
+                                far_m,
+                                farthest,
+                                slot,
+                                evidence,
+                                asked,
                             )
 
 

@@ -6,6 +6,7 @@ from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.kernels.distance_transform import (
     key_type,
+    marks,
     nearest_sites,
     no_site,
     padded_width,
@@ -22,9 +23,7 @@ def _transform(occupied, needed, far, spare_bits=0):
     nz, ny, nx = occupied.shape
     keys = np.full((nz, ny, padded_width(nx)), no_site(far, bits), key_type(far, bits))
     keys[:, :, :nx][occupied] = np.arange(count)
-    mask = np.zeros(keys.shape, np.uint8)
-    mask[:, :, :nx] = needed
-    nearest_sites(keys, mask, far, bits)
+    nearest_sites(keys, marks(needed), far, bits)
     keys = keys[:, :, :nx]
     found, keys = keys < no_site(far, bits), keys.astype(np.int64)
     return np.where(found, keys >> bits, -1), np.where(found, keys & ((1 << bits) - 1), -1)

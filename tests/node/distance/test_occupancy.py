@@ -177,6 +177,22 @@ def test_states_are_those_of_the_moment(space, camera):
     assert (before == UNKNOWN).all() and (space.states() != UNKNOWN).any()
 
 
+def test_the_box_of_what_is_known_is_one_voxel_wider_than_that(camera):
+    space = Occupancy(VoxelGrid(0.05, (-41, -37, -10), (83, 75, 70)))  # not whole vectors
+    assert (
+        space.known_box()[1] == 0 and not (space.known_box()[0][0] < space.known_box()[0][1]).all()
+    )
+    depth = np.zeros((120, 160), np.float32)
+    depth[40:60, 90:120] = 1.5
+    for _ in range(2):
+        space.observe(depth, camera, np.eye(4))
+    box, occupied = space.known_box()
+    known = np.argwhere(space.states().T != UNKNOWN)
+    low, end = known.min(axis=0) - 1, known.max(axis=0) + 2
+    assert (box == np.clip([low, end], 0, space.states().T.shape)).all()
+    assert occupied == (space.states() == OCCUPIED).sum() > 0
+
+
 def test_a_small_step_moves_no_window(space):
     middle = (space.grid.low + space.grid.high) / 2
     assert not space.move_to(middle + 0.2)
