@@ -40,8 +40,8 @@ def depth_extremes(
     """
     chosen = depth_m[::stride_px, ::stride_px]
     h, w = chosen.shape
-    padded = np.zeros((h + 2, w + 2), np.float32)
-    np.copyto(padded[1:-1, 1:-1], chosen, where=chosen <= np.float32(max_depth_m))
+    padded = np.empty((h + 2, w + 2), np.float32)
+    _fill_padded(chosen, np.float32(max_depth_m), padded)
     depth, bounded = np.empty((2, h, w), np.float32)
     _without_flying(padded, depth)
     _bound_flying(padded, depth, bounded)
@@ -52,6 +52,20 @@ def depth_extremes(
     _fill_tiles(bounded, low, high)
     values = (value / stride_px for value in (camera.fx, camera.fy, camera.cx, camera.cy))
     return DepthExtremes(depth, nearest, low, high, *values)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_padded(depth, most, padded):
+    """Write depth [h, w] up to `most`, m, else 0, into the middle of `padded` [h + 2, w + 2]; 0 about it."""
+    h, w = depth.shape
+    padded[0], padded[h + 1] = 0.0, 0.0
+    for row in range(h):
+        source, target = depth[row], padded[row + 1]
+        target[0], target[w + 1] = 0.0, 0.0
+        inner = target[1 : w + 1]
+        for column in range(w):
+            z = source[column]
+            inner[column] = z if z <= most else np.float32(0.0)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

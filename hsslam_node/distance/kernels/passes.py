@@ -2,15 +2,18 @@
 
 import numpy as np
 
-from hsslam_node.distance.kernels.depth_extremes import REACHES_PX, TILE_PX
+from hsslam_node.distance.kernels.depth_extremes import TILE_PX
 from hsslam_node.distance.kernels.hits import LEAST
+from hsslam_node.distance.kernels.passed_voxels import (
+    NEAREST_M,
+    PART,
+    pass_voxels,
+    place_voxels,
+    steps_in_part,
+)
 from hsslam_node.kernels.compiled import njit
 
 _BLOCK = 8  # voxels along a side; a block that is not seen through as a whole is cut once
-_PART = 4
-_NEAREST_M = 0.1
-_SIDE_SAMPLES = 2  # pixels looked at to each side of an occupied voxel's middle
-_THROUGH = 0.8  # share of them that clears it
 _OUTSIDE, _BEHIND, _MIXED, _THROUGHOUT = range(4)
 
 
@@ -29,8 +32,8 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
     nz, ny, nx = evidence.shape
     A = T_cam_index
     sides = _frustum(image, A)
-    steps = _steps_in_part(image, A)
-    places, asked = np.empty((3, _PART**3)), np.empty(_PART**3, np.int64)
+    steps = steps_in_part(image, A)
+    places, asked = np.empty((3, PART**3)), np.empty(PART**3, np.int64)
     for k in range(0, nz, _BLOCK):
         for j in range(0, ny, _BLOCK):
             for i in range(0, nx, _BLOCK):
@@ -44,22 +47,22 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                 elif word == _MIXED:
                     for part in range(8):
                         a, b, c = (
-                            i + part % 2 * _PART,
-                            j + part // 2 % 2 * _PART,
-                            k + part // 4 * _PART,
+                            i + part % 2 * PART,
+                            j + part // 2 % 2 * PART,
+                            k + part // 4 * PART,
                         )
                         if a >= nx or b >= ny or c >= nz:
                             continue
-                        if _is_beside(sides, a, b, c, _PART):
+                        if _is_beside(sides, a, b, c, PART):
                             continue
-                        if _is_at_least(a, b, c, _PART, evidence):
+                        if _is_at_least(a, b, c, PART, evidence):
                             continue
-                        word, farthest = _word_of_block(image, A, a, b, c, _PART, far_m, True)
+                        word, farthest = _word_of_block(image, A, a, b, c, PART, far_m, True)
                         if word == _THROUGHOUT:
-                            _pass_block(a, b, c, _PART, evidence)
+                            _pass_block(a, b, c, PART, evidence)
                         elif word == _MIXED:
-                            _place_voxels(image, A, a, b, c, steps, places)
-                            _pass_voxels(
+                            place_voxels(image, A, a, b, c, steps, places)
+                            pass_voxels(
                                 image,
                                 places,
                                 a,
@@ -90,9 +93,9 @@ def _word_of_block(image, A, i, j, k, side, far_m, asks_farthest):
     reach_x = reach * (abs(A[0, 0]) + abs(A[0, 1]) + abs(A[0, 2]))
     reach_y = reach * (abs(A[1, 0]) + abs(A[1, 1]) + abs(A[1, 2]))
     reach_z = reach * (abs(A[2, 0]) + abs(A[2, 1]) + abs(A[2, 2]))
-    if z + reach_z < _NEAREST_M or z - reach_z > far_m:
+    if z + reach_z < NEAREST_M or z - reach_z > far_m:
         return _OUTSIDE, none
-    if z - reach_z < _NEAREST_M:
+    if z - reach_z < NEAREST_M:
         return _MIXED, unlimited
     per_near, per_far = 1.0 / (z - reach_z), 1.0 / (z + reach_z)
     u_low = (x - reach_x) * (per_near if x < reach_x else per_far)
@@ -174,94 +177,3 @@ def _is_beside(sides, i, j, k, side):
         if inside + side * sides[n, 4] < 0:
             return True
     return False
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _steps_in_part(image, A):
-    """Along x, y (pixels times m) and z (m) of the camera, from a part's first voxel to each, [3, 64]."""
-    steps = np.empty((3, _PART**3))
-    scale = (image.fx, image.fy, 1.0)
-    for n in range(_PART**3):
-        a, b, c = n % _PART, n // _PART % _PART, n // _PART**2
-        for axis in range(3):
-            steps[axis, n] = scale[axis] * (A[axis, 0] * a + A[axis, 1] * b + A[axis, 2] * c)
-    return steps
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _place_voxels(image, A, i, j, k, steps, places):
-    """Write column and row in the image, and depth, m, of the middles of a part's voxels, [3, 64]."""
-    u_0 = (A[0, 0] * i + A[0, 1] * j + A[0, 2] * k + A[0, 3]) * image.fx
-    v_0 = (A[1, 0] * i + A[1, 1] * j + A[1, 2] * k + A[1, 3]) * image.fy
-    z_0 = A[2, 0] * i + A[2, 1] * j + A[2, 2] * k + A[2, 3]
-    u_steps, v_steps, z_steps = steps[0], steps[1], steps[2]
-    right, down, ahead = places[0], places[1], places[2]
-    u_middle, v_middle = image.cx + 0.5, image.cy + 0.5
-    for n in range(_PART**3):
-        z = z_0 + z_steps[n]
-        per_z = 1.0 / z
-        ahead[n] = z
-        right[n] = (u_0 + u_steps[n]) * per_z + u_middle
-        down[n] = (v_0 + v_steps[n]) * per_z + v_middle
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pass_voxels(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked):
-    """The voxels of a part one by one; none of its pixels saw farther than `farthest`, m.
-
-    `asked` [64] int64: room for the numbers of the voxels that are looked for in the image. They are chosen
-    without branches, as no processor could foresee them.
-    """
-    half_px = 0.5 * voxel_m * max(image.fx, image.fy)  # of a voxel 1 m away
-    right, down, ahead = places[0], places[1], places[2]
-    for n in asked[: _ask(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked)]:
-        a, b, c = i + n % _PART, j + n // _PART % _PART, k + n // _PART**2
-        u, v, z = int(right[n]), int(down[n]), ahead[n]
-        through, before = z + 0.5 * voxel_m, evidence[c, b, a]
-        level = (half_px > REACHES_PX[0] * z) + (half_px > REACHES_PX[1] * z)
-        is_through = image.nearest[level, v, u] > through
-        if before > 0 and not is_through:
-            is_through = _most_see_through(image, u, v, half_px / z, through)
-        evidence[c, b, a] = before - is_through
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _ask(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence, asked):
-    """Write the numbers of a part's voxels that a pass may change and that are in the image; how many."""
-    nz, ny, nx = evidence.shape
-    height, width = image.depth.shape
-    right, down, ahead = places[0], places[1], places[2]
-    count = 0
-    for c in range(k, min(k + _PART, nz)):
-        for b in range(j, min(j + _PART, ny)):
-            here, hits = evidence[c, b], slot[c, b]
-            first = ((c - k) * _PART + b - j) * _PART - i
-            for a in range(i, min(i + _PART, nx)):
-                n = first + a
-                z, u, v = ahead[n], right[n], down[n]
-                is_open = (here[a] > 0) | (z + 0.5 * voxel_m < farthest)
-                is_open &= (here[a] > LEAST) & (hits[a] == 0)
-                is_inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-                asked[count] = n
-                count += is_open & is_inside & (z >= _NEAREST_M) & (z <= far_m)
-    return count
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _most_see_through(image, u, v, half_px, through):
-    """Whether most pixels up to `half_px` from (u, v) saw farther than `through`."""
-    height, width = image.depth.shape
-    reach = int(half_px + 0.5)
-    step = reach // _SIDE_SAMPLES + 1
-    row, first = max(v - reach, 0), max(u - reach, 0)
-    below, end = min(v + reach + 1, height), min(u + reach + 1, width)
-    total = beyond = 0
-    # numba's range divides to count the turns of a loop with a step, which takes as long as the loop
-    while row < below:
-        pixels, column = image.depth[row], first
-        while column < end:
-            total += 1
-            beyond += pixels[column] > through
-            column += step
-        row += step
-    return beyond >= _THROUGH * total
