@@ -15,6 +15,7 @@ from hsslam_node.doctor.images import (
     check_sharpness,
     check_view_motion,
 )
+from hsslam_node.doctor.noise import check_depth_noise
 from hsslam_node.doctor.sample import Sample
 from hsslam_node.doctor.stamps import (
     RecordedStamps,
@@ -75,6 +76,7 @@ def _of_depth(sample: Sample) -> Iterator[Finding]:
     yield check_coverage(depths)
     yield check_depth_range(spread, first.depth_units_per_m)
     yield check_depth_scale(spread, first.depth_units_per_m, first.camera)
+    yield check_depth_noise(sample.spread)
 
 
 def _of_images(sample: Sample) -> Iterator[Finding]:
