@@ -1,6 +1,6 @@
 """Which way is up, and how high the floor lies: from the floor that cameras saw, else from their poses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -137,7 +137,9 @@ def find_floor(
         UserError: there is no view with depth, or `up` is no direction.
     """
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), _MOST_VIEWS)).astype(int))
-    points, normals = _points_and_normals([views[n] for n in chosen], camera, max_depth_m)
+    points, normals = _points_and_normals(
+        (views[n] for n in chosen), len(chosen), camera, max_depth_m
+    )
     if len(points) == 0:
         near = [np.where(views[n][0] < max_depth_m, views[n][0], 0) for n in chosen]
         seen = [world_points(z, camera, views[n][1]) for z, n in zip(near, chosen, strict=True)]
@@ -165,14 +167,18 @@ def find_floor(
 
 
 def _points_and_normals(
-    views: Sequence[tuple[np.ndarray, np.ndarray]], camera: Camera, max_depth_m: float
+    views: Iterable[tuple[np.ndarray, np.ndarray]], count: int, camera: Camera, max_depth_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points [N, 3] m of views and the normals of the surface about them, towards the camera; world."""
-    steps = [max(depth_m.shape[0] // _ROWS_PX, 1) for depth_m, _ in views]
-    sizes = [depth_m[::step, ::step].size for (depth_m, _), step in zip(views, steps, strict=True)]
-    points, normals = np.empty((2, sum(sizes), 3))
+    """Points [N, 3] m of n views and the normals of the surface about them, towards the camera; world.
+
+    The views are read one after the other.
+    """
+    step = max(camera.height_px // _ROWS_PX, 1)
+    a_view = -(-camera.height_px // step) * -(-camera.width_px // step)
+    points, normals = np.empty((2, count * a_view, 3))
     end = 0
-    for (depth_m, T_world_cam), step in zip(views, steps, strict=True):
+    for depth_m, T_world_cam in views:
+        assert depth_m.shape == (camera.height_px, camera.width_px)
         end += write_points(
             np.ascontiguousarray(depth_m, np.float32), step,
             float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy),

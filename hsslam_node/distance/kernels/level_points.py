@@ -4,9 +4,8 @@ import numpy as np
 
 from hsslam_node.kernels.compiled import njit
 
-_SAME = (
-    0.05  # share of its depth by which the four pixels beside a pixel differ less, on one surface
-)
+# share of its depth by which the four pixels beside a pixel differ less, on one surface
+_SAME = 0.05
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

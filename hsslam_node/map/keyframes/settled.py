@@ -1,5 +1,6 @@
 """Rows of settled keyframes: those of old retired ones, which need no pose beside that of their anchor."""
 
+import contextlib
 from collections import deque
 from typing import Final
 
@@ -12,7 +13,7 @@ from hsslam_node.map.keyframes.rows import KeyframeRows
 _YOUNG: Final = 2 * SLAB_ROWS  # newest keyframes that never settle: 18 minutes of motion at 30 Hz
 _REST: Final = 512  # keyframes until a block settles: nothing aligns to what was just retired
 _DROP_AFTER: Final = 64  # keyframes until a settled block loses its memory: readers have finished
-_MOST: Final = 8  # blocks in one correction
+_MOST_BLOCKS: Final = 8  # in one correction
 
 
 class Settling:
@@ -38,23 +39,27 @@ class Settling:
         """
         count = len(is_kept)
         blocks = max(count - _YOUNG, 0) // BLOCK_ROWS
-        may = (~is_kept & (roots >= 0))[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
+        can_settle = (~is_kept & (roots >= 0))[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
         is_settled = self._rows.settled_blocks(blocks)
         if self._held is None:
             self._held = deque((count, int(block)) for block in np.flatnonzero(is_settled))
-        retired = np.flatnonzero(may.all(1) & ~is_settled).tolist()
+            for _, block in self._held:  # a process may have died while it marked the rows of one
+                self._rows.mark_settled(block)
+        retired = np.flatnonzero(can_settle.all(1) & ~is_settled).tolist()
         self._retired_at = {block: self._retired_at.get(block, count) for block in retired}
-        due = [block for block, at in self._retired_at.items() if count - at >= _REST][:_MOST]
-        try:
-            for block in due:
-                ids = np.arange(block * BLOCK_ROWS, (block + 1) * BLOCK_ROWS)
+        settled: list[int] = []
+        for block in (block for block, at in self._retired_at.items() if count - at >= _REST):
+            ids = np.arange(block * BLOCK_ROWS, (block + 1) * BLOCK_ROWS)
+            with contextlib.suppress(OutOfMemoryError):  # later, once there is some
                 self._rows.write_settled(ids, T_world_cam[ids], roots[ids], T_world_cam[roots[ids]])
-        except OutOfMemoryError:  # later, once there is some
-            return []
-        return due
+                settled.append(block)
+            if len(settled) == _MOST_BLOCKS:
+                break
+        return settled
 
     def mark(self, blocks: list[int], count: int) -> None:
-        """Before the correction is the current one: say that the blocks have settled."""
+        """Once the correction is the current one, so that readers see what was written: say that the blocks
+        have settled."""
         assert self._held is not None
         for block in blocks:
             self._rows.mark_settled(block)
@@ -62,7 +67,7 @@ class Settling:
 
     def drop(self, count: int) -> None:
         """After a correction: return memory that settled blocks need no more."""
-        for _ in range(_MOST):
+        for _ in range(_MOST_BLOCKS):
             if not self._held or count - self._held[0][0] < _DROP_AFTER:
                 return
             self._rows.drop_block(self._held.popleft()[1])

@@ -27,7 +27,7 @@ class ReadItem:
     wait_ns: int = 0
 
     @property
-    def is_by_wait(self) -> bool:
+    def is_late_by_wait(self) -> bool:
         """Whether it is late mainly because the source waited."""
         return 2 * self.wait_ns > self.lag_ns
 
@@ -35,8 +35,8 @@ class ReadItem:
 class SourceWaits:
     """Tells frames that come late because their source waits from those for which a core is short.
 
-    While a source is late, its waits add up; once it is in time, they are forgotten. If the system does not
-    tell how long threads wait for a core, no wait counts.
+    While a source is late, its waits add up; what it makes up for is forgotten. If the system does not tell
+    how long threads wait for a core, no wait counts.
 
     `lag_ns(stamp_ns)`: how late a frame of this stamp would come now, ns; below 0: before its time.
     """
@@ -50,9 +50,11 @@ class SourceWaits:
         with _IdleTime() as idle:
             for item in items:
                 lag_ns = max(self._lag_ns(item.stamp_ns), 0)
-                wait_ns = min(wait_ns + idle.since_last_ns(), lag_ns)
+                read = idle.since_last()
+                before_ns = max(lag_ns - read.wall_ns, 0)  # lag when the read began
+                wait_ns = min(min(wait_ns, before_ns) + read.idle_ns, lag_ns)
                 yield ReadItem(item, lag_ns, wait_ns)
-                idle.since_last_ns()  # the taker's time
+                idle.since_last()  # the taker's time
 
 
 class _IdleTime:
@@ -77,17 +79,24 @@ class _IdleTime:
         for file in self._files:
             os.close(file)
 
-    def since_last_ns(self) -> int:
-        """Since the last call, ns; 0 if the system does not tell, or if it is a small part, as by locks."""
+    def since_last(self) -> "_Passed":
+        """Since the last call; no idle time if the system does not tell, or if it is a small part, as by
+        locks."""
         before_ns, self._last_ns = self._last_ns, self._times_ns()
         wall_ns, busy_ns = (a - b for a, b in zip(self._last_ns, before_ns, strict=True))
         idle_ns = wall_ns - busy_ns
-        return idle_ns if self._is_known and idle_ns > _LEAST_SHARE * wall_ns else 0
+        is_idle = self._is_known and idle_ns > _LEAST_SHARE * wall_ns
+        return _Passed(wall_ns, idle_ns if is_idle else 0)
 
     def _times_ns(self) -> tuple[int, int]:
         """Since any moment: all time, and that in which the thread runs or waits for a core, ns."""
         waited_ns = sum(_schedstat(file).waited_ns for file in self._files)
         return time.monotonic_ns(), time.thread_time_ns() + waited_ns
+
+
+class _Passed(NamedTuple):
+    wall_ns: int
+    idle_ns: int
 
 
 class _Schedstat(NamedTuple):

@@ -35,7 +35,7 @@ _SLOWEST_HZ = 1.0
 _BY_DISK = "skipped for a slow disk"  # counter: a part of those skipped
 _SLOW = "than the sensor recorded it: late frames are skipped and count as dropped"
 _SLOW_SOURCE = f"this machine reads the source more slowly {_SLOW}"
-_SLOW_DISK = f"the disk of the source delivers it more slowly {_SLOW}"
+_SLOW_DISK = f"the source waits, as for a slow disk, and delivers frames more slowly {_SLOW}"
 
 
 class PauseListener:
@@ -164,10 +164,12 @@ def _expect_all(worker: Worker, source: Source, progress: CameraProgress, first_
 def _skip(worker: Worker, progress: CameraProgress, late: ReadItem) -> None:
     """Count a frame that comes too late; report the first of each cause."""
     progress.skipped += 1
-    progress.skipped_by_wait += late.is_by_wait
+    progress.skipped_by_wait += late.is_late_by_wait
     by_wait = progress.skipped_by_wait
     count, why = (
-        (by_wait, _SLOW_DISK) if late.is_by_wait else (progress.skipped - by_wait, _SLOW_SOURCE)
+        (by_wait, _SLOW_DISK)
+        if late.is_late_by_wait
+        else (progress.skipped - by_wait, _SLOW_SOURCE)
     )
     if count == 1:
         worker.event("warning", f"frame {late.item.index}: {why}")

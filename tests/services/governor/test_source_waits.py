@@ -52,14 +52,14 @@ def test_a_source_that_waits_is_the_cause_of_its_late_frames():
     last = _read(_wait, 30)[-1]
     assert last.lag_ns > 1e9 * 14 * _PERIOD_S
     assert last.wait_ns > 0.8 * last.lag_ns
-    assert last.is_by_wait
+    assert last.is_late_by_wait
 
 
 def test_a_source_that_works_is_not():
     last = _read(_work, 30)[-1]
     assert last.lag_ns > 1e9 * 14 * _PERIOD_S
     assert last.wait_ns < 0.2 * last.lag_ns
-    assert not last.is_by_wait
+    assert not last.is_late_by_wait
 
 
 @pytest.mark.alone
@@ -78,13 +78,38 @@ def test_a_source_that_waits_for_a_core_is_not():
         last = _read(work_on_the_busy_core, 30)[-1]
         other.kill()
     assert last.lag_ns > 1e9 * 5 * _PERIOD_S
-    assert not last.is_by_wait
+    assert not last.is_late_by_wait
 
 
 def test_waits_of_a_source_that_was_in_time_again_are_forgotten():
     found = _read(_wait, 30, late_after=29)
     assert [item.wait_ns for item in found[:29]] == [0] * 29
     assert found[29].wait_ns < 1e9 * 2.5 * _PERIOD_S
+
+
+def test_one_wait_does_not_hide_that_the_source_works_too_slowly():
+    waits = iter([1.5 * _PERIOD_S])
+    begin_ns = time.monotonic_ns()
+
+    def lag_ns(index: int) -> int:
+        return time.monotonic_ns() - begin_ns - round(1e9 * _PERIOD_S * index)
+
+    def items() -> Iterator[BadFrame]:
+        for index in range(100):
+            if lag_ns(index) < 0.5e9 * _PERIOD_S:  # else it is left out, unread
+                threading.Event().wait(next(waits, 0.0))
+                end_s = time.thread_time() + 1.3 * _PERIOD_S
+                while time.thread_time() < end_s:
+                    pass
+            yield BadFrame(index, index, "")
+
+    found: list[ReadItem] = []
+    reader = threading.Thread(target=lambda: found.extend(SourceWaits(lag_ns).timed(items())))
+    reader.start()
+    reader.join()
+    late = [item for item in found if item.lag_ns > 0.5e9 * _PERIOD_S]
+    assert len(late) > 20
+    assert sum(item.is_late_by_wait for item in late) < 5
 
 
 def test_time_in_which_nobody_takes_the_items_is_no_wait():

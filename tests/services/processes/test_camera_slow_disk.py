@@ -86,7 +86,7 @@ def test_late_frames_of_a_recording_raise_the_level_if_a_core_is_short(
     if short_of == "disk":
         assert governor.level == 0, changes
         assert progress.skipped_by_wait > 0.8 * progress.skipped
-        assert any("the disk of the source delivers it more slowly" in text for text in told)
+        assert any("the source waits, as for a slow disk" in text for text in told)
     else:
         assert governor.level > 0
         assert progress.skipped_by_wait < 0.5 * progress.skipped

@@ -3,8 +3,10 @@
 import threading
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.keyframes.row_slabs import BLOCK_ROWS, SLAB_ROWS
 from hsslam_node.map.store import KeyframeStore
@@ -20,6 +22,12 @@ class Dropping(MemoryAllocator):
     def __init__(self) -> None:
         super().__init__()
         self.dropped: set[tuple[str, int]] = set()
+        self.is_full = False
+
+    def create(self, name: str, shape: tuple[int, ...], dtype: npt.DTypeLike) -> np.ndarray:
+        if self.is_full and name.startswith("keyframe_settled"):
+            raise OutOfMemoryError("full")
+        return super().create(name, shape, dtype)
 
     def drop_row(self, name: str, row: int) -> None:
         if name.startswith("keyframe_poses"):
@@ -111,4 +119,32 @@ def test_a_restarted_process_drops_what_the_one_before_left():
     made.store = KeyframeStore(arrays)
     made.extend(_EXACT + 2560)
     assert before <= arrays.dropped
+    np.testing.assert_allclose(made.store.poses(), made.T_world_cam, atol=1e-5)
+
+
+def test_a_block_that_a_process_marked_in_part_settles_as_a_whole():
+    arrays = Dropping()
+    made = LongStore(arrays)
+    made.extend(_EXACT + 2048)
+    flags = arrays.open("keyframe_meta.000")[:, -1]
+    settled = np.flatnonzero(flags[::BLOCK_ROWS])
+    assert len(settled)
+    last = int(settled[-1]) * BLOCK_ROWS
+    flags[last + BLOCK_ROWS // 2 : last + BLOCK_ROWS] = 0  # the process died here
+    arrays.dropped.clear()  # the next one drops again
+    made.store = KeyframeStore(arrays)
+    made.extend(_EXACT + 2560)
+    assert flags[last : last + BLOCK_ROWS].all()
+    np.testing.assert_allclose(made.store.poses(), made.T_world_cam, atol=1e-5)
+
+
+def test_blocks_settle_once_there_is_memory_for_it():
+    arrays = Dropping()
+    arrays.is_full = True
+    made = LongStore(arrays)
+    made.extend(_EXACT + 2048)
+    assert not arrays.dropped
+    arrays.is_full = False
+    made.extend(_EXACT + 2560)
+    assert arrays.dropped
     np.testing.assert_allclose(made.store.poses(), made.T_world_cam, atol=1e-5)
