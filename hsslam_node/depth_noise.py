@@ -13,9 +13,8 @@ _DEVIATIONS = 2.0  # of the noise; pixels that differ by more are not on the sam
 _WINDOW_PX = 5  # side of a window whose mean is compared with its middle pixel
 _WINDOW_ROWS = 15
 _SAME_SURFACE = 4.0  # deviations of a second difference; more is an edge
-_INDEPENDENT = (
-    8.0  # of the 25 pixels of a window; 23 to 25 of modelled noise, 3 to 4 of a Kinect v1
-)
+# of the 25 pixels of a window; 12 to 25 with modelled noise, 3 to 4 of a Kinect v1
+_INDEPENDENT = 8.0
 
 EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 

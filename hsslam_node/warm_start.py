@@ -13,8 +13,10 @@ from hsslam_node.device.device import CPU, Device
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.slam import Slam
+from hsslam_node.tracking.keyframes.reference_keyframe import stored_reference
 
 _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
+_NOISE_MM = 8.0
 _COARSER, _HASH_TABLE_LOG2 = 4, 12
 
 
@@ -52,6 +54,9 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
     slam = Slam(small, device=dataclasses.replace(device, threads=1))
     for frame in textured_wall(3):
         slam.process(frame)
+    if small.tracker.reference_views:
+        assert slam.store is not None
+        stored_reference(slam.store, slam.store.count - 1, small.tracker)
     return WarmStart(os.getpid(), time.monotonic() - start_s)
 
 
@@ -67,10 +72,11 @@ def _coarse(field: FieldConfig) -> FieldConfig:
 
 
 def textured_wall(count: int) -> Iterator[Frame]:
-    """Frames of a wall 2 m away, from a camera that stands still."""
+    """Frames of a wall 2 m away, with noisy depth, from a camera that stands still."""
     camera = Camera(_WIDTH_PX, _HEIGHT_PX, 130.0, 130.0, 79.5, 59.5)
-    texture = np.random.default_rng(0).integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
+    rng = np.random.default_rng(0)
+    texture = rng.integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
     color = np.kron(texture, np.ones((8, 8, 1))).astype(np.uint8)
-    depth = np.full((_HEIGHT_PX, _WIDTH_PX), 2000, np.uint16)
     for index in range(count):
+        depth = np.rint(rng.normal(2000.0, _NOISE_MM, (_HEIGHT_PX, _WIDTH_PX))).astype(np.uint16)
         yield Frame(index, index * 33_000_000, camera, color, depth, _UNITS_PER_M)

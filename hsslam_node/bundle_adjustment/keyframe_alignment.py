@@ -12,7 +12,6 @@ from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.tracking.alignment.align import Alignment, align
-from hsslam_node.tracking.keyframes.other_views import views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
@@ -65,12 +64,12 @@ class KeyframeAlignment:
         Returns None if the older one has no depth, or if one of them is retired.
         """
         try:
+            reference = self._reference(second)
             frame = self._store.frame(first)
-            points = frame_points(frame, self._tracker, self._seed)
+            points = frame_points(frame, self._tracker, self._seed, reference.averaging_limit)
             if len(points) == 0:
                 return None
             levels = self._pyramid(first)
-            reference = self._reference(second)
         except RetiredKeyframeError:
             return None
         if fine_levels:
@@ -110,9 +109,8 @@ class KeyframeAlignment:
         return _cached(self._references, _HELD_REFERENCES, k, lambda: self._prepared(k))
 
     def _prepared(self, k: int) -> ReferenceKeyframe:
-        frame, c = self._store.frame(k), self._tracker
-        views = views_near(self._store, k, frame, c.reference_views)
-        return reference_keyframe(k, frame, self._pyramid(k), c, views)
+        # without other views: an edge measures a keyframe that may be one of them
+        return reference_keyframe(k, self._store.frame(k), self._pyramid(k), self._tracker)
 
 
 def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:

@@ -122,10 +122,10 @@ def _refined(
     frame: Frame, keyframe: Frame, T_keyframe_cam: np.ndarray, config: TrackerConfig, seed: int
 ) -> np.ndarray | None:
     """T_keyframe_cam [4, 4] by dense alignment to the keyframe's surface and image."""
-    points = frame_points(frame, config, seed)
+    reference = reference_keyframe(0, keyframe, grey_pyramid(keyframe), config)
+    points = frame_points(frame, config, seed, reference.averaging_limit)
     if len(points) == 0:
         return None
-    reference = reference_keyframe(0, keyframe, grey_pyramid(keyframe), config)
     aligned = align(points, grey_pyramid(frame), T_keyframe_cam, None, reference, np.eye(4), config)
     return aligned.T_world_cam if np.isfinite(aligned.T_world_cam).all() else None
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.config.tracking import FEWEST_POINTS
+from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.frame import Frame
 from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, grey_pyramid
 from hsslam_node.tracking.map_view import MapView
@@ -21,6 +22,7 @@ class Observation:
     points: np.ndarray  # [N, 3] float32 m, camera frame
     view: MapView | None  # None: there is no map, or it does not cover this place
     localise_only: bool  # the map does not grow
+    fewest_points: int  # to align the frame, or to begin a map with it
 
     @classmethod
     def of(
@@ -34,13 +36,17 @@ class Observation:
         averaging: float | None = None,
     ) -> "Observation":
         """Build the image pyramid and choose the depth points, as in `frame_points`; `seed` places them."""
+        if averaging is None:
+            averaging = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
         points = frame_points(frame, config, seed, averaging)
-        return cls(frame, grey_pyramid(frame), points, view, localise_only)
+        denser = max(config.surface_points / config.points, 1.0) if averaging else 1.0
+        fewest = round(FEWEST_POINTS * denser)
+        return cls(frame, grey_pyramid(frame), points, view, localise_only, fewest)
 
     @property
     def has_depth(self) -> bool:
         """Whether there are enough points to align the frame, or to begin a map with it."""
-        return len(self.points) >= FEWEST_POINTS
+        return len(self.points) >= self.fewest_points
 
     @property
     def map_version(self) -> int:

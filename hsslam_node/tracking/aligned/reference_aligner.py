@@ -15,9 +15,10 @@ from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
 from hsslam_node.tracking.alignment.align import Alignment, align
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
-from hsslam_node.tracking.keyframes.other_views import views_near
+from hsslam_node.tracking.keyframes.other_views import OtherViews, views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
+    ReferenceKeyframe,
     grey_pyramid,
     reference_keyframe,
     stored_reference,
@@ -145,16 +146,22 @@ class ReferenceAligner:
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
         """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""
         levels = seen.levels if frame is seen.frame else grey_pyramid(frame)
-        views = views_near(self._store, k, frame, self._config.reference_views)
+        views = views_near(self._store, k, frame, self._config)
         self._next = lambda: Reference(reference_keyframe(k, frame, levels, self._config, views))
 
     def refer_next_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
         """Align the next frame to the keyframe that shows clearly more of this one, if one does."""
         k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
-        if k != self.keyframe:
-            self._next = lambda: Reference(
-                stored_reference(self._store, k, self._config), is_at_place=True
-            )
+        if k == self.keyframe:
+            return
+        with contextlib.suppress(RetiredKeyframeError):  # meanwhile: the reference stays
+            # views at the poses of this frame: bundle adjustment may correct them before the next one
+            views = views_near(self._store, k, self._store.frame(k), self._config)
+            self._next = lambda: Reference(self._stored(k, views), is_at_place=True)
+
+    def _stored(self, k: int, views: OtherViews | None) -> ReferenceKeyframe:
+        frame = self._store.frame(k)
+        return reference_keyframe(k, frame, grey_pyramid(frame), self._config, views)
 
     def prepare_next(self) -> None:
         """Prepare the reference keyframe of the next frame; the last pose did not need it."""

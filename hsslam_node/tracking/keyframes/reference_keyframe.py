@@ -101,7 +101,10 @@ def reference_keyframe(
         greys.append(g)
     noise = depth_noise(frame)
     surface_points, surface_normals, K = _surface(frame, noise, views)
-    limit = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
+    if views:
+        limit = views.averaging_limit
+    else:
+        limit = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
     return ReferenceKeyframe(
         id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise, limit
     )
@@ -110,7 +113,7 @@ def reference_keyframe(
 def stored_reference(store: KeyframeStore, k: int, config: TrackerConfig) -> ReferenceKeyframe:
     """Prepare keyframe k of a store."""
     keyframe = store.frame(k)
-    views = views_near(store, k, keyframe, config.reference_views)
+    views = views_near(store, k, keyframe, config)
     levels = grey_pyramid(keyframe)
     return reference_keyframe(k, keyframe, levels, config, views)
 

@@ -19,20 +19,19 @@ from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
-from hsslam_node.tracking.alignment.align import align
-from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
-from hsslam_node.tracking.tracked_frame import frame_points
+from hsslam_node.tracking.aligned.observation import Observation
+from hsslam_node.tracking.aligned.reference_aligner import ReferenceAligner
+from hsslam_node.tracking.keyframes.reference_keyframe import reference_keyframe
 from hsslam_node.tracking.tracker import Tracker
 
 _FRAMES, _QUICK_FRAMES = 120, 8
 _FIRST = 4  # frames to skip: caches and lazy imports
 _FRAME_STAGES: dict[str, Callable[..., Any]] = {  # the result is ms a frame
     "track": Tracker.track,
-    "pyramid": grey_pyramid,
-    "points": frame_points,
-    "align": align,
+    "observe": Observation.of,
+    "align": ReferenceAligner.align,
 }
-_CALL_STAGES: dict[str, Callable[..., Any]] = {  # in some frames only; the result is ms a call
+_CALL_STAGES: dict[str, Callable[..., Any]] = {  # the result is ms a call
     "keyframe": KeyframeStore.append,
     "reference": reference_keyframe,
     "mapping iteration": Mapper.iterate,
@@ -70,15 +69,14 @@ def _means(profile: cProfile.Profile, frames: int) -> dict[str, float]:
     for stage, function in _FRAME_STAGES.items():
         found[stage] = 1e3 * stats[_key(function)][3] / frames
     for stage, function in _CALL_STAGES.items():
-        if row := stats.get(_key(function)):
-            calls, cumulative_s = row[1], row[3]
-            found[stage] = 1e3 * cumulative_s / calls
+        calls, cumulative_s = stats[_key(function)][1], stats[_key(function)][3]
+        found[stage] = 1e3 * cumulative_s / calls
     return found
 
 
 def _key(function: Callable[..., Any]) -> tuple[str, int, str]:
     """What the profiler calls a function."""
-    code = inspect.unwrap(function).__code__
+    code = inspect.unwrap(getattr(function, "__func__", function)).__code__
     return code.co_filename, code.co_firstlineno, code.co_name
 
 

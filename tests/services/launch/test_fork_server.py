@@ -194,6 +194,22 @@ print(torch.ones(3).share_memory_().sum().item())
 """
 
 
+_LOADED = """
+from hsslam_node.kernels.tracking.depth_points import sample_points
+from hsslam_node.kernels.tracking.view_mean import add_view
+from hsslam_node.presets import PRESETS
+from hsslam_node.warm_start import warm_start
+warm_start(PRESETS["realtime"])
+print([len(kernel.signatures) for kernel in (sample_points, add_view)])
+"""
+
+
+def test_the_kernels_that_average_noisy_depth_are_loaded_before_a_frame_needs_them():
+    command = [sys.executable, "-c", _LOADED]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout == "[1, 1]\n", done.stderr
+
+
 def test_without_meta_kernels_of_torch_a_camera_is_tracked_and_memory_is_shared():
     command = [sys.executable, "-c", _WITHOUT_META_KERNELS]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -17,6 +17,12 @@ from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, refe
 _CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 _UNITS_PER_M = 10_000.0
 _CONFIG = TrackerConfig(photometric_pixels=300)
+
+
+def _averaging(views: int) -> TrackerConfig:
+    return replace(_CONFIG, depth_window_px=5, reference_views=views)
+
+
 _SIGMA = 1.5e-3  # 1/m, of the inverse depth
 _NORMAL, _DISTANCE_M = np.array([0.16, -0.12, np.sqrt(0.96)]), 2.0  # of a plane, world
 _V, _U = np.mgrid[:120, :160]
@@ -54,8 +60,11 @@ def _store(frames: list[Frame]) -> KeyframeStore:
 def _errors(store: KeyframeStore, k: int, most: int) -> np.ndarray:
     """Of the inverse depth that the pixels of keyframe k have with its views, 1/m."""
     frame = store.frame(k)
-    views = views_near(store, k, frame, most)
-    depth_m = views.averaged(_RAYS.reshape(-1, 2), frame.depth_m().ravel(), 1)
+    views = views_near(store, k, frame, _averaging(most))
+    assert bool(views) == bool(most)
+    depth_m = frame.depth_m().ravel()
+    if views:
+        depth_m = views.averaged(_RAYS.reshape(-1, 2), depth_m, 1)
     return 1 / depth_m - 1 / _plane_m(_pose(k)).ravel()
 
 
@@ -77,7 +86,8 @@ def test_what_stands_before_the_plane_in_another_view_is_not_mixed_in():
 def test_the_nearest_kept_keyframes_are_taken():
     store = _store([_frame(k) for k in range(6)])
     store.retire(2, 0)
-    views = views_near(store, 3, store.frame(3), 3)
+    views = views_near(store, 3, store.frame(3), _averaging(3))
+    assert views
     taken = [store.pixels(k)[1] for k in (4, 1, 5)]
     assert len(views.depth_raw) == 3
     for raw, expected in zip(views.depth_raw, taken, strict=True):
@@ -89,7 +99,9 @@ def test_unknown_depth_stays_unknown():
     frame = store.frame(2)
     depth_m = frame.depth_m()
     depth_m[:, :80] = 0
-    averaged = views_near(store, 2, frame, 2).averaged(_RAYS.reshape(-1, 2), depth_m.ravel(), 1)
+    views = views_near(store, 2, frame, _averaging(2))
+    assert views
+    averaged = views.averaged(_RAYS.reshape(-1, 2), depth_m.ravel(), 1)
     np.testing.assert_array_equal(averaged == 0, depth_m.ravel() == 0)
 
 
@@ -97,7 +109,7 @@ def test_a_reference_of_noisy_depth_is_nearer_to_the_plane_with_views():
     store = _store([_frame(k) for k in range(9)])
     frame = store.frame(8)
     off_m = []
-    for views in (None, views_near(store, 8, frame, 8)):
+    for views in (None, views_near(store, 8, frame, _averaging(8))):
         reference = reference_keyframe(8, frame, grey_pyramid(frame), _CONFIG, views)
         known = reference.surface_normals.any(axis=2)
         for points in (reference.surface_points[known], reference.points[-1]):
@@ -107,22 +119,38 @@ def test_a_reference_of_noisy_depth_is_nearer_to_the_plane_with_views():
     assert off_m[3] < 0.4 * off_m[1]
 
 
-def test_a_reference_of_exact_depth_stays_as_it_is():
+def test_exact_depth_has_no_views():
     store = _store([_frame(k, sigma=0.0) for k in range(4)])
-    frame = store.frame(3)
-    alone = reference_keyframe(3, frame, grey_pyramid(frame), _CONFIG)
-    views = views_near(store, 3, frame, 3)
-    assert not views
-    with_views = reference_keyframe(3, frame, grey_pyramid(frame), _CONFIG, views)
-    np.testing.assert_array_equal(with_views.surface_points, alone.surface_points)
-    np.testing.assert_array_equal(with_views.points[-1], alone.points[-1])
+    assert views_near(store, 3, store.frame(3), _averaging(3)) is None
+
+
+def test_large_images_have_fewer_views():
+    frames = [_frame(k) for k in range(4)]
+    store = _store(frames)
+    wide = replace(_CAMERA, width_px=1280, height_px=960)
+    color, depth = np.tile(frames[3].color, (8, 8, 1)), np.tile(frames[3].depth_raw, (8, 8))
+    large = Frame(12, 0, wide, color, depth, _UNITS_PER_M)
+    views = views_near(store, 3, large, _averaging(3))
+    assert views and len(views.depth_raw) == 2
+
+
+def test_views_end_where_the_motion_was_not_tracked():
+    store = _store([_frame(k) for k in range(3)])
+    store.append(_frame(3), _pose(3), gap_covariance=np.eye(6))
+    for k in range(4, 6):
+        store.append(_frame(k), _pose(k))
+    seen = []
+    for k in (2, 3):
+        views = views_near(store, k, store.frame(k), _averaging(8))
+        assert views
+        seen.append(len(views.depth_raw))
+    assert seen == [2, 2]
 
 
 def test_a_reference_of_noisy_depth_is_averaged_over_pixels_if_the_configuration_says_so():
     noisy, exact = _frame(0), _frame(0, sigma=0.0)
-    averaging = replace(_CONFIG, depth_window_px=5)
     for frame, config, is_averaged in (
-        (noisy, averaging, True), (noisy, _CONFIG, False), (exact, averaging, False),
+        (noisy, _averaging(0), True), (noisy, _CONFIG, False), (exact, _averaging(0), False),
     ):  # fmt: skip
         reference = reference_keyframe(0, frame, grey_pyramid(frame), config)
         assert (reference.averaging_limit > 0) == is_averaged
@@ -132,4 +160,4 @@ def test_no_views_are_averaged_if_neighbouring_pixels_err_alike():
     shared = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, (120, 160)), (0, 0), 3.0)
     frame = _frame(3, noise=_SIGMA * shared / shared.std())
     store = _store([_frame(k) for k in range(3)] + [frame])
-    assert not views_near(store, 3, frame, 3)
+    assert views_near(store, 3, frame, _averaging(3)) is None
