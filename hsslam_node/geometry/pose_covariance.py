@@ -14,16 +14,16 @@ import numpy as np
 from hsslam_node.geometry.se3 import skew
 
 
-class Correlation(NamedTuple):
-    """How many pixels, and how many points, count as one."""
+class _Factors(NamedTuple):
+    """By how much the variance of a term is larger than that of independent residuals of its size."""
 
     pixels: float
     points: float
 
 
-_AS_MEASURED = Correlation(5.0, 1.5)
-# with averaged depth points err less than their term assumes
-_AVERAGED = Correlation(9.0, 0.3)
+# fitted to two sequences (docs/results.md, protocol of `covariance`): depth as measured, and averaged
+_AS_MEASURED = _Factors(5.0, 1.5)
+_AVERAGED = _Factors(9.0, 0.3)
 _LEAST_COST = 0.05  # two equal images do not make a pose certain
 # [6, 6] m, rad: of the motion to a keyframe if tracking was lost after the keyframe before it, until
 # bundle adjustment has aligned it to others
@@ -52,9 +52,9 @@ class Evidence:
         A sandwich estimator: each term's information is scaled by the measured variance of its residuals.
         The map's term is not: it has a small weight already, as its errors correlate.
         """
-        correlation = _AVERAGED if self.is_averaged else _AS_MEASURED
-        surface = correlation.points * max(self.surface_cost, _LEAST_COST)
-        photometric = correlation.pixels * max(self.photometric_cost, _LEAST_COST)
+        factors = _AVERAGED if self.is_averaged else _AS_MEASURED
+        surface = factors.points * max(self.surface_cost, _LEAST_COST)
+        photometric = factors.pixels * max(self.photometric_cost, _LEAST_COST)
         noise = (
             self.H + (surface - 1) * self.H_surface + (photometric - 1) * self.H_photometric
         )  # [8, 8]

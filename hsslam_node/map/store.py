@@ -33,7 +33,8 @@ class KeyframeStore:
 
     One writer per array: the tracker appends (pixels, row, slot, then the count); the mapper retires
     (anchor, then the slot); bundle adjustment, and mapping where it refines poses, rewrites poses, one at a
-    time, into the bank that is not current, then bumps the pose version.
+    time, into the bank that is not current, then bumps the pose version. They also settle old rows, whose
+    anchors they write.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:

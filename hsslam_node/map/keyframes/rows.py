@@ -14,7 +14,7 @@ _LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
 
 
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 740 bytes each, and 290 more in a slab
+    """Append-only rows in slabs, so that their number has no limit: 744 bytes each, and 290 more in a slab
     with motions by odometry alone.
 
     A *settled* row has the pose relative to its anchor alone: 120 bytes. Its covariance is that of its
