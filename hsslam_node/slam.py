@@ -57,6 +57,9 @@ class Slam:
 
     Queries raise `UserError` if there is no map yet. `bad_frames`: frames that `run` skipped.
 
+    Runs with the same frames, configuration and seed give the same bits if the kernels are in the cache
+    (`hsslam-serve warm-up`): those that a process compiles itself round differently.
+
     Examples:
         >>> slam = Slam(PRESETS["realtime"], seed=0)
         >>> for result in slam.run(open_source("synth:room", SourceOptions()).frames()):
