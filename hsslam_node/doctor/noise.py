@@ -1,4 +1,4 @@
-"""Check of the noise of depth: how large it is, and whether the tracker averages it."""
+"""Check of the noise of depth; alone because it takes whole frames, as the tracker does."""
 
 from collections.abc import Sequence
 from typing import Final
