@@ -25,7 +25,7 @@ REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
     tracker=TrackerConfig(
-        method="alignment", depth_window_px=5, surface_points=8000, reference_views=8
+        method="alignment", depth_window_px=5, surface_points=4000, reference_views=8
     ),
     sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
     weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0, blind_color=0.0),
