@@ -13,9 +13,9 @@ _DEVIATIONS = 2.0  # of the noise; pixels that differ by more are not on the sam
 _WINDOW_PX = 5  # side of a window whose mean is compared with its middle pixel
 _WINDOW_ROWS = 15
 _SAME_SURFACE = 4.0  # deviations of a second difference; more is an edge
-# of the 25 pixels of a window; 12 to 25 with modelled noise, 3 to 4 of a Kinect v1
-_INDEPENDENT = 8.0
 
+# of the 25 pixels of a window, to average; 12 to 25 with modelled noise, 3 to 5 of a Kinect v1
+LEAST_INDEPENDENT = 8.0
 EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 
 
@@ -45,13 +45,16 @@ def surface_limit(frame: Frame) -> float:
     return 0.0 if noise < EXACT_NOISE else _DEVIATIONS * noise
 
 
-def averaging_limit(frame: Frame) -> float:
-    """`surface_limit`, if the mean over neighbouring pixels is much more accurate than one pixel; else 0.
+def averaging_limit(frame: Frame, window_px: int) -> float:
+    """Limit as `surface_limit` for means over windows of this side, 1/m; 0: depth is not averaged.
 
-    Neighbouring pixels of a Kinect v1 have nearly the same error. Their mean is as wrong as each of them.
+    It is if the window is larger than a pixel, and the mean much more accurate. Neighbouring pixels of a
+    Kinect v1 have nearly the same error. Their mean is as wrong as each of them.
     """
+    if window_px < 2:
+        return 0.0
     noise = depth_noise(frame)
-    if noise < EXACT_NOISE or independent_pixels(frame, noise) < _INDEPENDENT:
+    if noise < EXACT_NOISE or independent_pixels(frame, noise) < LEAST_INDEPENDENT:
         return 0.0
     return _DEVIATIONS * noise
 

@@ -27,7 +27,7 @@ class LongStore:
         self._random = np.random.default_rng(0)
 
     def extend(self, count: int) -> None:
-        """Go on to so many keyframes."""
+        """Append keyframes until the store has `count`."""
         steps = self._random.normal(size=(count - self.store.count, 6), scale=0.5)
         more = np.array([*map(se3_exp, steps)])
         self.T_world_cam = np.concatenate([self.T_world_cam, more])

@@ -33,9 +33,8 @@ class DistanceMap:
     distance_m: np.ndarray  # [nx, ny, nz] float32 at middles of voxels; nan far from known ones
     states: np.ndarray  # [nx, ny, nz] uint8: UNKNOWN, FREE, OCCUPIED
     T_grid_world: np.ndarray = field(default_factory=lambda: np.eye(4))
-    box: np.ndarray | None = field(
-        default=None, repr=False
-    )  # of `known_box`, if it is known already
+    # of `known_box`, if it is known already
+    box: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name, kind in (("distance_m", np.float32), ("states", np.uint8)):

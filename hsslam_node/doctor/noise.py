@@ -5,7 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from hsslam_node.depth_noise import EXACT_NOISE, averaging_limit, depth_noise, independent_pixels
+from hsslam_node.depth_noise import (
+    EXACT_NOISE,
+    LEAST_INDEPENDENT,
+    depth_noise,
+    independent_pixels,
+)
 from hsslam_node.doctor.finding import Check, Finding
 from hsslam_node.frame import Frame
 
@@ -28,7 +33,7 @@ def check_depth_noise(frames: Sequence[Frame]) -> Finding:
     if noise < EXACT_NOISE:
         return _NOISE.ok(value_mm, f"below {1e3 * EXACT_NOISE * _AT_M**2:.1f} mm at {_AT_M:g} m")
     pixels = float(np.median([independent_pixels(*of) for of in zip(known, noises, strict=True)]))
-    is_averaged = np.median([averaging_limit(frame) > 0 for frame in known]) > 0.5
+    is_averaged = pixels >= LEAST_INDEPENDENT
     seen = (
         f"standard deviation {value_mm:.1f} mm at {_AT_M:g} m; {pixels:.0f} of 25 neighbouring pixels are "
         f"independent: the tracker {'averages them' if is_averaged else 'does not average them'}"

@@ -169,10 +169,8 @@ def frame_points(
     """
     camera = frame.camera
     aspect = camera.width_px / camera.height_px
-    radius_px = config.depth_window_px // 2
-    limit = 0.0
-    if radius_px:
-        limit = averaging_limit(frame) if averaging is None else averaging
+    window_px = config.depth_window_px
+    limit = averaging_limit(frame, window_px) if averaging is None else averaging
     wanted = max(config.points, config.surface_points) if limit else config.points
     # a fifth more cells than points: some fall on edges and holes
     rows = max(1, round(np.sqrt(1.2 * wanted / aspect)))
@@ -182,7 +180,7 @@ def frame_points(
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     max_depth_m = np.float32(config.max_depth_m)
     n = sample_points(
-        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px, limit,
-        points,
+        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, window_px // 2,
+        limit, points,
     )  # fmt: skip
     return points[:n]

@@ -11,16 +11,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.effects.kinect_noise import add_kinect_noise
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
+from tests.noisy_depth import SHAPE, noisy_plane
 from tests.small_room import room_frames, with_black
-
-_SHAPE = room_frames()[0].depth_raw.shape
-
-
-def _slope(noise: np.ndarray) -> Frame:
-    """A slanted plane whose inverse depth has the noise [H, W], 1/m."""
-    units, inverse_depth = 20_000.0, np.linspace(0.7, 0.4, _SHAPE[1])
-    raw = np.rint(units / (inverse_depth + noise)).astype(np.uint16)
-    return replace(room_frames()[0], depth_raw=raw, depth_units_per_m=units)
 
 
 def test_rendered_depth_is_exact():
@@ -29,8 +21,8 @@ def test_rendered_depth_is_exact():
 
 @pytest.mark.parametrize("sigma", [5e-4, 2e-3, 5e-3])
 def test_gaussian_noise_of_the_inverse_depth_is_measured(sigma):
-    noise = np.random.default_rng(0).normal(0, sigma, _SHAPE)
-    assert depth_noise(_slope(noise)) == pytest.approx(sigma, rel=0.1)
+    noise = np.random.default_rng(0).normal(0, sigma, SHAPE)
+    assert depth_noise(noisy_plane(noise)) == pytest.approx(sigma, rel=0.1)
 
 
 def test_kinect_noise_of_the_room():
@@ -46,26 +38,27 @@ def test_without_depth_a_kinect_is_assumed():
 
 @pytest.mark.parametrize("sigma", [5e-4, 2e-3, 5e-3])
 def test_all_pixels_of_white_noise_are_independent(sigma):
-    frame = _slope(np.random.default_rng(0).normal(0, sigma, _SHAPE))
+    frame = noisy_plane(np.random.default_rng(0).normal(0, sigma, SHAPE))
     assert independent_pixels(frame, depth_noise(frame)) > 18
-    assert averaging_limit(frame) == surface_limit(frame) > 0
+    assert averaging_limit(frame, 5) == surface_limit(frame) > 0
+    assert averaging_limit(frame, 1) == 0
 
 
 @pytest.mark.parametrize("blur_px", [2.0, 4.0])
 def test_noise_that_neighbours_share_is_not_averaged(blur_px):
-    white = np.random.default_rng(0).normal(0, 1, _SHAPE)
+    white = np.random.default_rng(0).normal(0, 1, SHAPE)
     shared = cv2.GaussianBlur(white, (0, 0), blur_px)
-    frame = _slope(2e-3 * shared / shared.std())
+    frame = noisy_plane(2e-3 * shared / shared.std())
     assert independent_pixels(frame, depth_noise(frame)) < 4
-    assert averaging_limit(frame) == 0 < surface_limit(frame)
+    assert averaging_limit(frame, 5) == 0 < surface_limit(frame)
 
 
 def test_modelled_kinect_noise_is_averaged_and_exact_depth_is_not():
     frame = room_frames()[0]
     raw = add_kinect_noise(frame.depth_raw, frame.depth_units_per_m, 0, 0)
     noisy = replace(frame, depth_raw=raw)
-    assert averaging_limit(noisy) == surface_limit(noisy) > 0
-    assert averaging_limit(frame) == averaging_limit(with_black(frame)) == 0
+    assert averaging_limit(noisy, 5) == surface_limit(noisy) > 0
+    assert averaging_limit(frame, 5) == averaging_limit(with_black(frame), 5) == 0
 
 
 def test_a_recorded_kinect_is_not_averaged(test_data):
@@ -76,4 +69,4 @@ def test_a_recorded_kinect_is_not_averaged(test_data):
         noise = depth_noise(frame)
         assert noise > 1e-3
         assert 1 < independent_pixels(frame, noise) < 5
-        assert averaging_limit(frame) == 0
+        assert averaging_limit(frame, 5) == 0

@@ -37,7 +37,7 @@ class Observation:
     ) -> "Observation":
         """Build the image pyramid and choose the depth points, as in `frame_points`; `seed` places them."""
         if averaging is None:
-            averaging = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
+            averaging = averaging_limit(frame, config.depth_window_px)
         points = frame_points(frame, config, seed, averaging)
         denser = max(config.surface_points / config.points, 1.0) if averaging else 1.0
         fewest = round(FEWEST_POINTS * denser)

@@ -43,7 +43,7 @@ def views_near(
     current poses; fewer of large images. None if depth is not averaged over pixels, see `averaging_limit`."""
     c = frame.camera
     most = min(config.reference_views, _MOST_PIXELS // (c.width_px * c.height_px))
-    limit = averaging_limit(frame) if most and config.depth_window_px > 1 else 0.0
+    limit = averaging_limit(frame, config.depth_window_px) if most else 0.0
     if not limit:
         return None
     near = [j for j in _next_to(store, k, most) if store.is_kept(j)][:most]

@@ -87,7 +87,7 @@ def reference_keyframe(
     config: TrackerConfig,
     views: OtherViews | None = None,
 ) -> ReferenceKeyframe:
-    """Prepare a keyframe: `config.photometric_pixels` salient pixels per level, and its surface with normals.
+    """Prepare a keyframe: about `config.photometric_pixels` salient pixels per level, its surface and normals.
 
     `views`: keyframes near it; noisy depth is averaged over those that see the same surface.
     """
@@ -101,10 +101,8 @@ def reference_keyframe(
         greys.append(g)
     noise = depth_noise(frame)
     surface_points, surface_normals, K = _surface(frame, noise, views)
-    if views:
-        limit = views.averaging_limit
-    else:
-        limit = averaging_limit(frame) if config.depth_window_px > 1 else 0.0
+    window_px = config.depth_window_px
+    limit = views.averaging_limit if views else averaging_limit(frame, window_px)
     return ReferenceKeyframe(
         id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise, limit
     )

@@ -6,6 +6,7 @@ import pytest
 from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.tracking.rendering_tracker import surface_fit
 from hsslam_node.tracking.tracked_frame import frame_points
+from tests.noisy_depth import with_white_noise
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses
 
 
@@ -30,13 +31,10 @@ def test_a_frame_of_noisy_depth_has_more_points_and_one_of_exact_depth_has_not()
     exact = room_frames()[0]
     few = replace(SMALL.tracker, points=500, surface_points=0, depth_window_px=5)
     many = replace(few, surface_points=2000)
-    noise = np.random.default_rng(0).normal(0, 4e-3, exact.depth_raw.shape)  # 1/m
-    noisy_m = 1 / (1 / np.maximum(exact.depth_m(), 0.1) + noise)
-    raw = np.where(exact.depth_raw > 0, noisy_m * exact.depth_units_per_m, 0).astype(np.uint16)
-    noisy = replace(exact, depth_raw=raw)
+    noisy = with_white_noise(exact, 4e-3)
     counts = [len(frame_points(noisy, c, 0)) for c in (few, many)]
     assert counts[1] == pytest.approx(4 * counts[0], rel=0.2)
     np.testing.assert_array_equal(frame_points(exact, few, 0), frame_points(exact, many, 0))
-    given = [frame_points(noisy, many, 0, limit) for limit in (averaging_limit(noisy), 0.0)]
+    given = [frame_points(noisy, many, 0, limit) for limit in (averaging_limit(noisy, 5), 0.0)]
     np.testing.assert_array_equal(given[0], frame_points(noisy, many, 0))
     np.testing.assert_array_equal(given[1], frame_points(noisy, replace(few, depth_window_px=1), 0))

@@ -16,14 +16,17 @@ _PERIOD_S = 0.02
 _SPIN = "import os; os.sched_setaffinity(0, [{}])\nprint('ready', flush=True)\nwhile True: pass"
 
 
-def _read(get: Callable[[], object], count: int, late_after: int = 0) -> list[ReadItem]:
+def _read(
+    get: Callable[[], object], count: int, late_after: int = 0, skips: bool = False
+) -> list[ReadItem]:
     """Reads items that are due one period apart, in a thread of its own; those before `late_after` at any
-    time."""
+    time. `skips`: leaves out, unread, those that come half a period too late."""
     begin_ns = time.monotonic_ns()
 
     def items() -> Iterator[BadFrame]:
         for index in range(count):
-            get()
+            if not skips or lag_ns(index) < 0.5e9 * _PERIOD_S:
+                get()
             yield BadFrame(index, index, "")
 
     def lag_ns(index: int) -> int:
@@ -42,8 +45,8 @@ def _wait() -> None:
     threading.Event().wait(1.5 * _PERIOD_S)
 
 
-def _work() -> None:
-    end_s = time.thread_time() + 1.5 * _PERIOD_S
+def _work(periods: float = 1.5) -> None:
+    end_s = time.thread_time() + periods * _PERIOD_S
     while time.thread_time() < end_s:
         pass
 
@@ -71,9 +74,7 @@ def test_a_source_that_waits_for_a_core_is_not():
 
         def work_on_the_busy_core() -> None:
             os.sched_setaffinity(0, [core])  # of this thread
-            end_s = time.thread_time() + 0.9 * _PERIOD_S
-            while time.thread_time() < end_s:
-                pass
+            _work(0.9)
 
         last = _read(work_on_the_busy_core, 30)[-1]
         other.kill()
@@ -88,25 +89,13 @@ def test_waits_of_a_source_that_was_in_time_again_are_forgotten():
 
 
 def test_one_wait_does_not_hide_that_the_source_works_too_slowly():
-    waits = iter([1.5 * _PERIOD_S])
-    begin_ns = time.monotonic_ns()
+    first = iter([_wait])
 
-    def lag_ns(index: int) -> int:
-        return time.monotonic_ns() - begin_ns - round(1e9 * _PERIOD_S * index)
+    def wait_once_and_work() -> None:
+        next(first, lambda: None)()
+        _work(1.3)
 
-    def items() -> Iterator[BadFrame]:
-        for index in range(100):
-            if lag_ns(index) < 0.5e9 * _PERIOD_S:  # else it is left out, unread
-                threading.Event().wait(next(waits, 0.0))
-                end_s = time.thread_time() + 1.3 * _PERIOD_S
-                while time.thread_time() < end_s:
-                    pass
-            yield BadFrame(index, index, "")
-
-    found: list[ReadItem] = []
-    reader = threading.Thread(target=lambda: found.extend(SourceWaits(lag_ns).timed(items())))
-    reader.start()
-    reader.join()
+    found = _read(wait_once_and_work, 100, skips=True)
     late = [item for item in found if item.lag_ns > 0.5e9 * _PERIOD_S]
     assert len(late) > 20
     assert sum(item.is_late_by_wait for item in late) < 5

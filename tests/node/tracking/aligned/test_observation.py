@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.tracking.aligned.observation import Observation
+from tests.noisy_depth import with_white_noise
 from tests.small_room import SMALL, room_frames
 
 _CONFIG = replace(SMALL.tracker, points=500, surface_points=2000, depth_window_px=5)
@@ -14,12 +14,10 @@ _CONFIG = replace(SMALL.tracker, points=500, surface_points=2000, depth_window_p
 
 def _noisy(share: float) -> Frame:
     """A frame with independent noise, and depth in this share of its columns."""
-    exact = room_frames()[0]
-    noise = np.random.default_rng(0).normal(0, 4e-3, exact.depth_raw.shape)  # 1/m
-    noisy_m = 1 / (1 / np.maximum(exact.depth_m(), 0.1) + noise)
-    raw = np.where(exact.depth_raw > 0, noisy_m * exact.depth_units_per_m, 0).astype(np.uint16)
+    frame = with_white_noise(room_frames()[0], 4e-3)
+    raw = frame.depth_raw.copy()
     raw[:, int(share * raw.shape[1]) :] = 0
-    return replace(exact, depth_raw=raw)
+    return replace(frame, depth_raw=raw)
 
 
 @pytest.mark.parametrize(("share", "has_depth"), [(1.0, True), (0.5, True), (0.12, False)])
