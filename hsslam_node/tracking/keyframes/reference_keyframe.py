@@ -87,7 +87,7 @@ def reference_keyframe(
     config: TrackerConfig,
     views: OtherViews | None = None,
 ) -> ReferenceKeyframe:
-    """Prepare a keyframe: about `config.photometric_pixels` salient pixels per level, its surface and normals.
+    """Prepare a keyframe: its surface with normals, and about `photometric_pixels` salient pixels per level.
 
     `views`: keyframes near it; noisy depth is averaged over those that see the same surface.
     """
