@@ -17,6 +17,7 @@ from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
+from hsslam_node.tracking.tracking_work import TrackingWork
 
 _SEEING_S = 1.0  # time that a lost camera has to relocalise, once images have texture
 _FEWEST_FEATURES = 60  # of an image with texture
@@ -73,15 +74,11 @@ class FragmentTracker:
         """As the tracker of the map."""
         self._map.resume(anywhere=anywhere)
 
-    def space_keyframes(self, times: int) -> None:
+    def limit_work(self, work: TrackingWork) -> None:
         """As the trackers of map and fragment."""
-        self._map.space_keyframes(times)
+        self._map.limit_work(work)
         if self._fragment is not None:
-            self._fragment.tracker.space_keyframes(times)
-
-    def use_map(self, is_used: bool) -> None:
-        """As the tracker of the map; a fragment has no map to align to."""
-        self._map.use_map(is_used)
+            self._fragment.tracker.limit_work(work)
 
     def prepare_next(self) -> None:
         """As the tracker in use."""

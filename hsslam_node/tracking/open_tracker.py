@@ -10,6 +10,7 @@ from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
+from hsslam_node.tracking.tracking_work import TrackingWork
 
 
 class FrameTracker(Protocol):
@@ -31,14 +32,9 @@ class FrameTracker(Protocol):
         """Return the pose of the frame near a place that a person names; None: not there, call `track`."""
         ...
 
-    def space_keyframes(self, times: int) -> None:
-        """Let `times` as many frames pass between keyframes as configured, or, if none are appended, between
-        searches for a better reference; a tracker that needs a dense map may ignore it."""
-        ...
-
-    def use_map(self, is_used: bool) -> None:
-        """Align frames to map and keyframes, or to keyframes alone while the camera is not lost; a tracker
-        that aligns to the map alone ignores it."""
+    def limit_work(self, work: TrackingWork) -> None:
+        """Do only this work for the next frames; a tracker that aligns to the map alone ignores it. If no
+        keyframes are appended, `keyframes_every` counts between searches for a better reference."""
         ...
 
     def prepare_next(self) -> None:

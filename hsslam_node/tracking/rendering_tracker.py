@@ -24,6 +24,7 @@ from hsslam_node.tracking.tracked_frame import (
     orthonormal,
     predicted_pose,
 )
+from hsslam_node.tracking.tracking_work import TrackingWork
 
 
 @dataclass(frozen=True)
@@ -150,11 +151,8 @@ class RenderingTracker:
     ) -> TrackResult | None:
         """None: this tracker has no relocalisation."""
 
-    def space_keyframes(self, times: int) -> None:
+    def limit_work(self, work: TrackingWork) -> None:
         """Do nothing: this tracker aligns to the map alone, so the map must follow the camera."""
-
-    def use_map(self, is_used: bool) -> None:
-        """Do nothing: this tracker aligns to the map alone."""
 
     def prepare_next(self) -> None:
         """Do nothing."""

@@ -23,6 +23,7 @@ from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.pose_search import FOLLOWED_FRAMES, PoseSearch
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
+from hsslam_node.tracking.tracking_work import TrackingWork
 
 _DEAD_RECKONED_FRAMES = 20  # with depth; then the next one becomes a keyframe
 
@@ -49,7 +50,8 @@ class Tracker:
             config.tracker, self._aligner, self._motion, self._reckoned, self._relocalisation
         )
         self._keyframes = NewKeyframes(config, store)
-        self._uses_map = True
+        self._work = TrackingWork()
+        self._of_frame = config.tracker  # with the points of a frame
 
     def resume(self, *, anywhere: bool = False) -> None:
         """Continue in an existing map, as a camera that is lost at the newest keyframe.
@@ -132,16 +134,17 @@ class Tracker:
     def finish(self) -> None:
         """Do nothing: this tracker has no fragments."""
 
-    def space_keyframes(self, times: int) -> None:
-        """Let `times` as many frames pass between keyframes; a fast change of the view still makes one."""
-        self._keyframes.spacing = times
-
-    def use_map(self, is_used: bool) -> None:
-        """Align frames to map and keyframes, or to keyframes alone while the camera is not lost.
+    def limit_work(self, work: TrackingWork) -> None:
+        """Do only this work for the next frames; a fast change of the view makes a keyframe at any spacing.
 
         A camera that only localises always asks the map, as the map alone knows where it ends.
         """
-        self._uses_map = is_used
+        if work == self._work:
+            return
+        self._work = work
+        self._keyframes.spacing = work.keyframes_every
+        surface_points = self._slam.tracker.surface_points if work.uses_surface_points else 0
+        self._of_frame = replace(self._slam.tracker, surface_points=surface_points)
 
     def prepare_next(self) -> None:
         """Prepare the reference keyframe of the next frame; the pose of the last frame did not need it."""
@@ -151,11 +154,11 @@ class Tracker:
         self.prepare_next()
         self._store.expect_like(frame)
         is_beside = self._reckoned.is_open  # the map does not cover this place yet
-        is_left_out = not self._uses_map and not self._motion.lost_frames
+        is_left_out = not self._work.uses_map and not self._motion.lost_frames
         if (is_beside or is_left_out) and not localise_only:
             view = None
         return Observation.of(
-            frame, view, self._config, self._seed,
+            frame, view, self._of_frame, self._seed,
             localise_only=localise_only, averaging=self._aligner.averaging,
         )  # fmt: skip
 

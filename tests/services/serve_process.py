@@ -10,4 +10,5 @@ class ServeProcess(LiveRun):
 
     def expect_nothing_left(self, timeout_s: float = 0.0) -> None:
         """No process, no shared memory and no port of the run, at the latest after `timeout_s`."""
-        assert self.left_behind(timeout_s) == []
+        left = self.left_behind(timeout_s)
+        assert not left, left

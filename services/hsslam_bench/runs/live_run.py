@@ -13,6 +13,7 @@ from typing import Any
 
 import psutil
 
+from hsslam_bench.runs.left_behind import LeftBehind, port_listens
 from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
@@ -33,6 +34,7 @@ SMALL_ROOM = (
 )
 SENT_ROOM = ("--source", "zenoh:", *QUICK, "--no-evaluate")  # another program sends the frames
 _POLL_S = 0.02
+_LOOK_EVERY_S = 0.2
 _ASK_EVERY_S = 0.3
 _LAST_LINES = 12
 
@@ -62,6 +64,7 @@ class LiveRun:
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
             )
+        self._left_behind = LeftBehind(out, self.port, self.process.pid)
 
     @property
     def stderr(self) -> str:
@@ -83,7 +86,7 @@ class LiveRun:
     def bus(self) -> Bus:
         """An external client; waits for the router."""
         if self._bus is None:
-            self.wait_until(lambda: _port_listens(self.port), 30)
+            self.wait_until(lambda: port_listens(self.port), 30)
             self._bus = Bus(self.endpoint, "robot", "test")
             self._health_subscription = self._bus.subscribe(topics.HEALTH, 1024)
             self._pose_subscription = self._bus.subscribe(topics.POSE, 4096, history=True)
@@ -107,6 +110,7 @@ class LiveRun:
                     f"{self.out.name}: timeout after {timeout_s:g} s: {self.last_words}"
                 )
             time.sleep(_POLL_S)
+        self._left_behind.poll()
 
     def wait_for_poses(self, count: int, timeout_s: float = 180) -> None:
         """Return when `count` more poses have been published."""
@@ -214,8 +218,11 @@ class LiveRun:
     def ends_within(self, timeout_s: float) -> int | None:
         """Wait for the end; returns the exit code, or None if the service still runs after this time."""
         self.close_bus()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            return self.process.wait(timeout_s)
+        deadline = time.monotonic() + timeout_s
+        while (left_s := deadline - time.monotonic()) > 0:
+            self._left_behind.poll()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return self.process.wait(min(left_s, _LOOK_EVERY_S))
         return None
 
     def summary(self) -> dict[str, Any]:
@@ -229,7 +236,7 @@ class LiveRun:
     def left_behind(self, timeout_s: float = 0.0) -> list[str]:
         """Processes, shared memory and port of the run that remain after this time."""
         deadline = time.monotonic() + timeout_s
-        while (left := self._left()) and time.monotonic() < deadline:
+        while (left := self._left_behind.found()) and time.monotonic() < deadline:
             time.sleep(0.05)
         return left
 
@@ -245,30 +252,8 @@ class LiveRun:
         if self.code is None:
             self.process.kill()
             self.process.wait()
-        for process in self._processes():
+        for process in self._left_behind.processes():
             with contextlib.suppress(psutil.Error):
                 process.kill()
         if (self.out / "run.json").exists() and self.arena_dir.name.startswith("hsslam-"):
             shutil.rmtree(self.arena_dir, ignore_errors=True)
-
-    def _left(self) -> list[str]:
-        left = [f"process {process.pid}" for process in self._processes()]
-        if (self.out / "run.json").exists() and self.arena_dir.exists():
-            left.append(str(self.arena_dir))
-        return left + ([f"port {self.port}"] if _port_listens(self.port) else [])
-
-    def _processes(self) -> list[psutil.Process]:
-        """The live processes of the run, including forked ones, whose command line is one word."""
-        return [
-            process
-            for process in psutil.process_iter(["cmdline", "status"])
-            if str(self.out) in " ".join(process.info["cmdline"] or []).split()
-            and process.info["status"] != psutil.STATUS_ZOMBIE
-        ]
-
-
-def _port_listens(port: int) -> bool:
-    connections = psutil.net_connections("tcp")
-    return any(
-        c.status == psutil.CONN_LISTEN and c.laddr and c.laddr.port == port for c in connections
-    )

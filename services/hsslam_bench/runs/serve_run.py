@@ -13,10 +13,10 @@ from typing import Any, Protocol
 import psutil
 
 from hsslam_bench.runs.cpu_quota import NoQuotaError, cpu_quota
+from hsslam_bench.runs.left_behind import LeftBehind
 from hsslam_bench.runs.run_log import LogContent, read_log
 from hsslam_bench.runs.usage import Sample, Usage, core_ms_per_frame
 from hsslam_services.bus.bus import free_endpoint
-from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
 
 _TIMEOUT_S = 3600.0
@@ -119,10 +119,12 @@ def serve(
             command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
         )
         usage = Usage(psutil.Process(process.pid), folder)
+        left_behind = LeftBehind(folder, port, process.pid)
         client = outsider(folder) if outsider else None
         try:
             with cpu_quota(process.pid, cores, 2) if cores else contextlib.nullcontext():
-                is_whole = _wait(process, [usage, client] if client else [usage])
+                watchers = [usage, left_behind, *([client] if client else [])]
+                is_whole = _wait(process, watchers)
         except NoQuotaError:
             process.terminate()
             process.wait()
@@ -146,7 +148,7 @@ def serve(
         usage=usage.samples,
         disk_bytes=_sizes(folder),
         outside=client.found() if client else {},
-        left_behind=_left_behind(folder, port),
+        left_behind=tuple(left_behind.found()),
     )
     for pattern in _BULKY:
         for path in folder.glob(pattern):
@@ -194,22 +196,6 @@ def _verify_view(folder: Path) -> str:
     command = [sys.executable, "-P", "-m", "rerun", "rrd", "verify", *files]
     result = subprocess.run(command, capture_output=True, text=True)
     return "" if result.returncode == 0 else (result.stderr.strip() or "rrd verify failed")
-
-
-def _left_behind(folder: Path, port: int) -> tuple[str, ...]:
-    left = [
-        f"process {process.pid}"
-        for process in psutil.process_iter(["cmdline", "status"])
-        if str(folder) in " ".join(process.info["cmdline"] or []).split()
-        and process.info["status"] != psutil.STATUS_ZOMBIE
-    ]
-    if (folder / "run.json").exists() and (arena := RunInfo.read(folder).arena_dir):
-        left += [arena] if Path(arena).exists() else []
-    listening = any(
-        c.status == psutil.CONN_LISTEN and c.laddr and c.laddr.port == port
-        for c in psutil.net_connections("tcp")
-    )
-    return (*left, f"port {port}") if listening else tuple(left)
 
 
 def _last_line(path: Path) -> str:

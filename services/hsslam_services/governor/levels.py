@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from typing import Final
 
+from hsslam_node.tracking.tracking_work import TrackingWork
+
+_ALL_TRACKING: Final = TrackingWork()
+
 
 @dataclass(frozen=True)
 class LoadLevel:
@@ -13,8 +17,7 @@ class LoadLevel:
     view_width_px: int = 64  # of views of the map
     distances_every: float = 1.0  # times the time between updates of grid and distances
     image_every_s: float = 0.0  # least time between images in the live viewer
-    keyframes_every: int = 1  # times the frames between keyframes
-    uses_map: bool = True  # False: frames are aligned to keyframes alone, unless the camera is lost
+    tracking: TrackingWork = _ALL_TRACKING
     iterations: float = 1.0  # share of the mapper's iterations for each keyframe
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
@@ -41,7 +44,8 @@ LEVELS: Final = (
         background_share=0.5,
     ),
     LoadLevel(
-        "half of the mapping iterations, two thirds of their rays, smaller views",
+        "half of the mapping iterations, two thirds of their rays, smaller views, fewer noisy points",
+        tracking=TrackingWork(uses_surface_points=False),
         mesh_every=6.0,
         distances_every=3.0,
         view_width_px=32,
@@ -53,6 +57,7 @@ LEVELS: Final = (
     ),
     LoadLevel(
         "a sixth of the mapping work",
+        tracking=TrackingWork(uses_surface_points=False),
         mesh_every=12.0,
         distances_every=4.0,
         view_width_px=32,
@@ -68,8 +73,7 @@ LEVELS: Final = (
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
-        keyframes_every=2,
-        uses_map=False,
+        tracking=TrackingWork(keyframes_every=2, uses_map=False, uses_surface_points=False),
         iterations=0.25,
         rays=0.67,
         ba_every=4.0,
@@ -81,8 +85,7 @@ LEVELS: Final = (
         distances_every=4.0,
         view_width_px=32,
         image_every_s=1.0,
-        keyframes_every=2,
-        uses_map=False,
+        tracking=TrackingWork(keyframes_every=2, uses_map=False, uses_surface_points=False),
         iterations=1 / 12,
         rays=0.33,
         ba_every=4.0,

@@ -16,6 +16,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owned_after_death, pose_count, remove_arena
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
+from hsslam_services.bus.dead_pools import remove_unused_pools
 from hsslam_services.run.stop_signals import END_SIGNAL
 
 _GRACE_S = 4.0  # for the processes to end; the recorder has longer
@@ -35,6 +36,7 @@ def main() -> None:
     with owned_after_death(args.arena) as is_there:
         if is_there and not is_marked(args.arena):  # else it was an orderly end
             _save_and_remove(args.arena, args.run)
+            remove_unused_pools()
 
 
 def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:

@@ -169,8 +169,7 @@ class _TrackerLoop:
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             level = LEVELS[self._governor.level]
-            self._tracker.space_keyframes(level.keyframes_every)
-            self._tracker.use_map(level.uses_map)
+            self._tracker.limit_work(level.tracking)
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
         return True

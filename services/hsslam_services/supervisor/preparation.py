@@ -25,6 +25,7 @@ from hsslam_services.arena.arena_folder import (
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.artefacts.replaced_results import ReplacedResults
+from hsslam_services.bus.dead_pools import remove_own_pools, remove_unused_pools
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.health.http_server import MetricsServer
 from hsslam_services.launch.one_shot import start_watchdog
@@ -58,6 +59,7 @@ class Prepared:
         """Free everything but the arena."""
         self.metrics.close()
         self.router.session.close()
+        remove_own_pools()
         self.claim.close()
 
 
@@ -75,6 +77,7 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     _expect_inputs_elsewhere(options)
     _save_dead_arenas()
+    remove_unused_pools()
     with contextlib.ExitStack() as undo:
         run_dir, claim = _run_folder(options)
         undo.callback(claim.close)

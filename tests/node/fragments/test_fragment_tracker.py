@@ -19,6 +19,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracking_work import TrackingWork
 from tests.small_room import SMALL, pose_error, with_black
 
 _DARK = range(30, 48)  # 3.6 s
@@ -86,7 +87,7 @@ def test_keyframes_of_map_and_fragment_come_half_as_often_if_asked():
     tracker, store = _opened(3.0)
     counts = []
     for frame in _walk()[0]:
-        tracker.space_keyframes(2)
+        tracker.limit_work(TrackingWork(keyframes_every=2))
         joined = tracker.track(frame, None).joined
         counts.append(store.count)
         if joined is not None:

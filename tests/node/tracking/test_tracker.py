@@ -18,6 +18,8 @@ from hsslam_node.tracking.aligned.new_keyframes import NewKeyframes
 from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
+from hsslam_node.tracking.tracking_work import TrackingWork
+from tests.noisy_depth import with_white_noise
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
 
 
@@ -52,11 +54,11 @@ def test_the_first_frame_with_depth_starts_the_world():
 
 def test_keyframes_come_half_as_often_if_asked():
     tracker = Tracker(SMALL, _store(), 0)
-    tracker.space_keyframes(2)
+    tracker.limit_work(TrackingWork(keyframes_every=2))
     results = [tracker.track(frame, None) for frame in room_frames()[:14]]
     assert all(map(_is_right, results[1:]))
     assert [r.frame_index for r in results if r.is_keyframe] == [0, 8]
-    tracker.space_keyframes(1)
+    tracker.limit_work(TrackingWork())
     assert tracker.track(room_frames()[14], None).is_keyframe
 
 
@@ -227,7 +229,7 @@ def test_a_map_that_lags_behind_does_not_lose_the_camera():
 def test_a_tracker_leaves_the_map_out_if_asked_but_not_while_the_camera_is_lost():
     frames = room_frames()[:12]
     tracker, without = (Tracker(SMALL, _store(), 0) for _ in range(2))
-    tracker.use_map(False)
+    tracker.limit_work(TrackingWork(uses_map=False))
     view = _all_free(frames[0])
     for frame in frames[:8]:
         result, expected = tracker.track(frame, view), without.track(frame, None)
@@ -237,8 +239,23 @@ def test_a_tracker_leaves_the_map_out_if_asked_but_not_while_the_camera_is_lost(
     found = tracker.track(frames[9], view)
     assert (found.status, found.map_version) == ("tracked", view.version)
     assert tracker.track(frames[10], view).map_version == 0
-    tracker.use_map(True)
+    tracker.limit_work(TrackingWork())
     assert tracker.track(frames[11], view).map_version == view.version
+
+
+def test_a_tracker_aligns_fewer_points_of_noisy_depth_if_asked():
+    noisy = [with_white_noise(frame, 4e-3) for frame in room_frames()[:4]]
+    tracking = replace(SMALL.tracker, depth_window_px=5, surface_points=2 * SMALL.tracker.points)
+    dense, sparse = (
+        replace(SMALL, tracker=tracking),
+        replace(SMALL, tracker=replace(tracking, surface_points=0)),
+    )
+    limited, usual, expected = (Tracker(of, _store(), 0) for of in (dense, dense, sparse))
+    limited.limit_work(TrackingWork(uses_surface_points=False))
+    for frame in noisy:
+        poses = [t.track(frame, None).T_world_cam for t in (limited, usual, expected)]
+        np.testing.assert_array_equal(poses[0], poses[2])
+    assert (poses[0] != poses[1]).any()
 
 
 def _all_free(frame: Frame) -> MapView:

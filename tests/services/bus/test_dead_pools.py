@@ -10,7 +10,13 @@ import pytest
 
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.dead_pools import bytes_of_pools, free_pools, pool_bytes
+from hsslam_services.bus.dead_pools import (
+    bytes_of_pools,
+    free_pools,
+    pool_bytes,
+    pools_of,
+    remove_unused_pools,
+)
 from hsslam_services.bus.zenoh_session import shared_memory_settings
 
 _SENDER = """
@@ -50,6 +56,27 @@ def test_pools_of_the_dead_are_freed_and_no_others(endpoint):
             freed = with_sender - bytes_of_pools(os.getpid())
             assert freed == pytest.approx(pool_bytes(1), rel=0.01)  # some pages are tables
             assert free_pools(1) == 0
+
+
+def test_files_of_dead_processes_are_removed_and_no_others(endpoint):
+    if not shared_memory_settings()["transport/shared_memory/enabled"]:
+        pytest.skip("this machine's limit of locked memory leaves zenoh no shared memory")
+    with Bus(endpoint, "r", "tracker") as bus, contextlib.ExitStack() as started:
+        frames = bus.subscribe(topics.FRAME, 8)
+        sender = _sender(endpoint, 1, started)
+        while not (used := pools_of(sender.pid)):
+            _expect(frames, sender, 1)
+        dead = [Path(f"/dev/shm/{os.getpid()}{end}.zenoh") for end in ("01", "02")]
+        for path in dead:
+            started.callback(path.unlink, missing_ok=True)
+            path.write_bytes(b"table")
+        young = dead[1].stat().st_mtime
+        for path in (dead[0], *used):
+            os.utime(path, (young - 5, young - 5))
+        os.utime(dead[1], (young + 5, young + 5))  # another process may be about to lock it
+        remove_unused_pools()
+        assert [path.exists() for path in dead] == [False, True]
+        assert all(path.exists() for path in used)
 
 
 def test_a_run_whose_router_has_ended_has_no_pools():

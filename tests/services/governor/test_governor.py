@@ -137,7 +137,9 @@ def test_each_level_takes_more_than_the_one_before():
         assert b.in_words
         assert b.mesh_every >= a.mesh_every and b.image_every_s >= a.image_every_s
         assert b.iterations <= a.iterations and b.rays <= a.rays and b.ba_every >= a.ba_every
-        assert b.keyframes_every >= a.keyframes_every and b.uses_map <= a.uses_map
+        of_a, of_b = a.tracking, b.tracking
+        assert of_b.keyframes_every >= of_a.keyframes_every and of_b.uses_map <= of_a.uses_map
+        assert of_b.uses_surface_points <= of_a.uses_surface_points
     assert (LEVELS[0].iterations, LEVELS[0].rays, LEVELS[0].mesh_every) == (1.0, 1.0, 1.0)
 
 
