@@ -1,6 +1,7 @@
 """Exceptions whose text is meant for the user; a file of its own, as every folder imports it."""
 
 import difflib
+import errno
 from collections.abc import Iterable
 
 MORE_SHARED_MEMORY = "expected more shared memory (docker: --shm-size)"
@@ -11,6 +12,8 @@ OUT_OF_MEMORY = "out of memory"
 """In each error about the main memory, likewise."""
 TOO_FEW_FILES = "ulimit -n"
 """In each error about open files, likewise."""
+STORAGE_FAILS = (errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.ENOTCONN, errno.EREMOTEIO)
+"""Errors of a disk or of its network, which may pass: the file is not at fault."""
 _LONGEST_TEXT = 300
 
 

@@ -68,6 +68,8 @@ class FragmentTracker:
         self._begun = fragments
         self._keep = keep
         self._lost_ns: int | None = None  # stamp of the first of the lost frames
+        # a frame that is lost in the fragment, if its map is overwritten: it is tracked again
+        self._torn: tuple[Frame, TrackResult] | None = None
         self._seeing_ns: int | None = None  # since when the lost frames have texture
 
     def resume(self, *, anywhere: bool = False) -> None:
@@ -126,19 +128,25 @@ class FragmentTracker:
 
     def _in_fragment(self, fragment: Fragment, frame: Frame, view: MapView | None) -> TrackResult:
         assert self._search is not None
-        result = fragment.track(frame)
+        again, self._torn = self._torn, None
+        is_again = again is not None and again[0] is frame
+        result = again[1] if again is not None and is_again else fragment.track(frame)
         if result.status == "lost":
             self._search.collect()  # `Relocalisation` takes one call at a time
             self._give_up_joining()
+            self._torn = frame, result
             found = self._map.track(frame, view)
+            self._torn = None
             if found.status != "lost":
                 self._leave()
             return self._after(frame, found)
         self._lost_ns = None
         if self._joining is None:
             self._joining = self._begin_joining(fragment, self._search)
-        joined = self._joining.step() if self._joining else None
-        if self._joining is None or joined is None:
+        if self._joining is None or result.status != "tracked" or fragment.tracker.is_bridged:
+            return _of_fragment(result, fragment.number)  # what odometry bridges stays in one map
+        joined = self._joining.step()
+        if joined is None:
             return _of_fragment(result, fragment.number)
         if result.covariance is not None:
             result = replace(result, covariance=self._joining.covariance(result.covariance))

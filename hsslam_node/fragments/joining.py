@@ -84,7 +84,12 @@ class Joining:
         # without room, it moves with the keyframe before it, as retired ones do
         if self._staging.add(store.frame(k)):
             self._ids.append(k)
-        self._next = int(left[every]) if every < len(left) else store.count + every - len(left)
+        if every < len(left):
+            self._next = int(left[every])
+        elif any(store.gap_covariance(j).any() for j in range(k + 1, store.count)):
+            self._next = int(left[-1])  # else the map would not know of the gap
+        else:
+            self._next = store.count + every - len(left)
 
     def _show(self) -> JoinedFragment | None:
         own, ids = self._fragment.store, self._ids

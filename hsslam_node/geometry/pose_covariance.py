@@ -23,7 +23,7 @@ class _Factors(NamedTuple):
 
 # fitted to two sequences (docs/results.md, protocol of `covariance`): depth as measured, and averaged
 _AS_MEASURED = _Factors(5.0, 1.5)
-_AVERAGED = _Factors(9.0, 0.3)
+_AVERAGED = _Factors(6.0, 0.5)
 _LEAST_COST = 0.05  # two equal images do not make a pose certain
 # [6, 6] m, rad: of the motion to a keyframe if tracking was lost after the keyframe before it, until
 # bundle adjustment has aligned it to others

@@ -24,7 +24,7 @@ STATUS: dict[Status, int] = {
 _HEADER, _NEWEST, _SLAB = "pose_header", "pose_newest", "pose_log."  # names of arrays
 _JOINS, _JOIN = "pose_joins", "pose_join."
 MOST_FRAGMENTS = 65_535
-_COUNT, _FRAGMENT = 0, 1  # fields of the header
+_COUNT, _FRAGMENT, _NOT_LOGGED = 0, 1, 2  # fields of the header
 _MOST_CAMERAS = 64  # whose newest rows are noted
 
 POSE_ROW = np.dtype(
@@ -88,6 +88,11 @@ class PoseLog:
         """Complete rows."""
         return load_ordered(self._header, _COUNT)
 
+    @property
+    def not_logged(self) -> int:
+        """Rows of all writers that the memory had no room for."""
+        return load_ordered(self._header, _NOT_LOGGED)
+
     def append(self, row: np.ndarray | np.void) -> bool:
         """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one. False: there is no memory for it.
 
@@ -102,6 +107,7 @@ class PoseLog:
         except OutOfMemoryError:
             if n == 0:
                 raise
+            store_ordered(self._header, _NOT_LOGGED, self.not_logged + 1)
             return False
         store_ordered(self._header, _COUNT, n + 1)
         if (n + 1) % SLAB_ROWS == 0:

@@ -41,9 +41,9 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     return Bound((-reach, -low, -reach), (reach, low, reach))
 
 
-def may_begin_map(frame: Frame, config: BoundConfig, max_depth_m: float) -> bool:
-    """Whether `initial_bound` finds a box for the map if this is its first frame."""
-    return bool(config.box) or len(_points(frame, max_depth_m)) > 0
+def may_begin_map(frame: Frame, max_depth_m: float) -> bool:
+    """Whether a map may begin with this frame: it has depth for the map."""
+    return len(_points(frame, max_depth_m)) > 0
 
 
 def _points(frame: Frame, max_depth_m: float) -> np.ndarray:

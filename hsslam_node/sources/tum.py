@@ -122,8 +122,9 @@ class TumFolder:
         path = self.path / name
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
-        except (OSError, UnicodeDecodeError):
-            raise UserError(f"{path}: cannot be read: expected lines 'timestamp file'") from None
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "cannot be read"
+            raise UserError(f"{path}: {reason}: expected lines 'timestamp file'") from None
         stamps, files = [], []
         for number, line in enumerate(lines, 1):
             if not line.strip() or line.lstrip().startswith("#"):

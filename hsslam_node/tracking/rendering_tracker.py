@@ -168,7 +168,7 @@ class RenderingTracker:
         return self._objective
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
-        may_begin = may_begin_map(frame, self._slam.bound, self._slam.mapper.max_depth_m)
+        may_begin = may_begin_map(frame, self._slam.mapper.max_depth_m)
         if points < _FEWEST_POINTS or not may_begin or self._localise_only:
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.pose_covariance import turned
+from hsslam_node.geometry.pose_covariance import UNTRACKED, turned
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
@@ -70,6 +70,11 @@ class Tracker:
     def places(self) -> Relocalisation:
         """The places that the camera has seen."""
         return self._relocalisation
+
+    @property
+    def is_bridged(self) -> bool:
+        """Whether odometry alone has bridged a part of the way since the newest keyframe."""
+        return self._reckoned.is_open
 
     def take_over(self, other: "Tracker", joined: JoinedFragment) -> None:
         """Continue from the tracker of a fragment that has joined this tracker's store."""
@@ -164,7 +169,7 @@ class Tracker:
 
     def _start(self, seen: Observation) -> TrackResult:
         frame = seen.frame
-        may_begin = may_begin_map(frame, self._slam.bound, self._slam.mapper.max_depth_m)
+        may_begin = may_begin_map(frame, self._slam.mapper.max_depth_m)
         if not (seen.has_depth and may_begin) or seen.localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)
@@ -190,7 +195,8 @@ class Tracker:
             T, version = new.T_world_cam, new.pose_version
             k, T_keyframe_cam = new.id, np.eye(4)
         else:
-            k = aligner.keyframe if seen.localise_only else self._store.count - 1
+            is_elsewhere = seen.localise_only or reference.is_at_place
+            k = aligner.keyframe if is_elsewhere else self._store.count - 1
             T, T_keyframe_cam, version = aligner.placed_beside(k, alignment)
         self._choose_next_reference(seen, alignment, T, new)
         is_lost = motion.lost_frames > 0
@@ -257,7 +263,10 @@ class Tracker:
             version = self._store.pose_version
             T_last = self._motion.T_world_last
             T = Reckoning.after(T_last, reckoning.motion).T_world_cam
-            gap = turned(self._reckoned.gap_at(T_last, T), T[:3, :3].T)
+            gap = self._reckoned.gap_at(T_last, T)
+            if self._aligner.take_untracked():
+                gap = gap + UNTRACKED
+            gap = turned(gap, T[:3, :3].T)
             fragment = self._keyframes.fragment
             k = self._store.append(frame, T, version, covariance, gap, fragment)
         self._go_on_from(k, seen)

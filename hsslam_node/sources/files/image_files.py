@@ -1,12 +1,19 @@
-"""Colour and depth images from files, on the real-time path: one read, one decode, no copy."""
+"""Colour and depth images from files, on the real-time path: one read, one decode, no copy.
 
+If the disk or its network fails, the functions raise OSError, so that the run tries the frame again.
+"""
+
+import errno
 from pathlib import Path
 
 import numpy as np
 
+from hsslam_node.errors import STORAGE_FAILS
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_decoding import decoded_as_stored, decoded_mask, decoded_rgb
 from hsslam_node.image_header import LARGEST_PIXELS, has_end, image_header
+
+_NOT_OF_THE_FILE = (*STORAGE_FAILS, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 
 
 class BadImageError(Exception):
@@ -93,10 +100,12 @@ def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = N
         raise BadImageError(f"{found}: expected {camera.width_px}x{camera.height_px}")
 
 
-def _read(path: Path) -> np.ndarray:
+def _read(path: Path) -> bytes:
     try:
-        return np.fromfile(path, np.uint8)
+        return path.read_bytes()
     except OSError as error:
+        if error.errno in _NOT_OF_THE_FILE:
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
 
 

@@ -140,8 +140,10 @@ class ReferenceAligner:
         """Align to the keyframe that shows most of a frame at about T_world_cam [4, 4]."""
         k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
         if k != self.keyframe:
+            is_at_place = self.reference is not None and self.reference.is_at_place
             with contextlib.suppress(RetiredKeyframeError):  # meanwhile: the reference stays
-                self.refer_to(k)
+                keyframe = stored_reference(self._store, k, self._config)
+                self.reference = Reference(keyframe, is_at_place=is_at_place)
 
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
         """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""

@@ -57,7 +57,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
             f"{log.place}: {log.nbytes / 1e9:.2f} GB: expected at most {most_gb:g} (--fetch-gb)"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    with _alone(folder):
+    with _alone(folder, patience_s):
         listing = asked_listing(log.place, patience_s=patience_s)
         files = planned_files(listing, log)
         store, _ = open_store(log.place)
@@ -127,14 +127,21 @@ def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> byte
 
 
 @contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Lock the folder in the block.
+def _alone(folder: Path, patience_s: float | None = None) -> Iterator[None]:
+    """Lock the folder in the block; waits as `tried` with this patience, not at all if it is None.
 
     Raises:
         OSError: another process fetches into it.
     """
-    with (folder / _LOCK).open("wb") as stream:
+
+    def lock() -> None:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    with (folder / _LOCK).open("wb") as stream:
+        if patience_s is None:
+            lock()
+        else:
+            tried(f"{folder}: another process fetches into it", lock, patience_s)
         yield
 
 

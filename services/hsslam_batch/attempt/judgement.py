@@ -15,6 +15,7 @@ from hsslam_node.errors import (
     GPU_IS_FULL,
     MORE_SHARED_MEMORY,
     OUT_OF_MEMORY,
+    STORAGE_FAILS,
     TOO_FEW_FILES,
     on_one_line,
 )
@@ -26,13 +27,14 @@ from hsslam_services.run.summary import read_summary
 _STATUS_LINE = "frame "
 _NOT_SAVED = " not saved: "
 _SHORT_OF = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EAGAIN)
+_FAILS = (*STORAGE_FAILS, errno.EROFS)
 _OF_THE_MACHINE = (  # in errors that are not the log's
     MORE_SHARED_MEMORY,
     GPU_IS_FULL,
     OUT_OF_MEMORY,
     TOO_FEW_FILES,
     "can't start new thread",  # by Python
-    *(os.strerror(number) for number in _SHORT_OF),
+    *(os.strerror(number) for number in (*_SHORT_OF, *_FAILS)),
 )
 _OF_THE_POSES = ("tracker", "mapper", "global_ba")  # processes that a log's results depend on
 
@@ -45,9 +47,6 @@ def judged(
 ) -> tuple[Kind, str]:
     """The kind of outcome of a command that has ended, and one line about why if it failed.
 
-    If the machine is short of memory, room on a disk, threads or files, the log is not at fault: a crash,
-    which is tried again.
-
     `words`: the last line that it printed; `meanings`: text for each exit code.
     """
     if end.why == "timeout":
@@ -58,11 +57,17 @@ def judged(
     if end.code < 0:
         return "crash", f"killed by {signal.Signals(-end.code).name}; {words}"
     if end.code == ExitCode.BAD_INPUT:
-        return "crash" if any(text in words for text in _OF_THE_MACHINE) else "bad input", words
+        return kind_of_error(words), words
     if end.code != ExitCode.SAVED:
         meaning = next((f" ({text})" for code, text in meanings.items() if code == end.code), "")
         return "crash", f"exit code {end.code}{meaning}; {words}"
     return "done", ""
+
+
+def kind_of_error(text: str) -> Kind:
+    """Bad input; if the machine is short of memory, room, threads or files, or its disk or network fails, the
+    log is not at fault: a crash, which is tried again."""
+    return "crash" if any(of_machine in text for of_machine in _OF_THE_MACHINE) else "bad input"
 
 
 def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, str]:

@@ -17,6 +17,7 @@ from hsslam_batch.attempt.fetch import fetched_place
 from hsslam_batch.attempt.judgement import (
     judged,
     judged_frames,
+    kind_of_error,
     last_words,
     selected_frames,
     summary_of,
@@ -26,6 +27,7 @@ from hsslam_batch.attempt.outcome import NOT_EVALUATED, Outcome, figures, may_tr
 from hsslam_batch.attempt.room import room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch, UnavailableError
+from hsslam_batch.plan.find_logs import on_this_machine
 from hsslam_batch.plan.folder_size import folder_nbytes
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import is_url
@@ -140,7 +142,7 @@ def _attempt(
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
             room.is_kept = may_try_again(outcome, terms.retries)
             return outcome
-        here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
+        here = on_this_machine(log, str(fetched_place(place.fetched, log)))
     else:
         try:
             expect_unchanged(log, batch.out)
@@ -162,7 +164,8 @@ def _attempt(
         try:
             expected = selected_frames(batch, here.source)
         except UserError as error:
-            kind, reason = "bad input", f"the log has changed during the run: {error}"
+            kind = kind_of_error(str(error))
+            reason = f"the log cannot be read after the run: {error}"
         else:
             kind, reason = judged_frames(summary, expected)
             if kind == "done" and (why := summary.get("not_evaluated")):

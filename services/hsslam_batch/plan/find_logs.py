@@ -112,14 +112,17 @@ def planned_files(listing: Listing, log: Log) -> list[str]:
 
 
 def with_frames(logs: Iterable[Log], options: SourceOptions) -> Iterator[Log]:
-    """The logs with the number of frames that a run with these options uses; 0: not known before the run.
-
-    A single MCAP file is a bag if its header says so.
-    """
+    """The logs with the number of frames that a run with these options uses; 0: not known before the run."""
     for log in logs:
-        kind = _BAG if log.kind == RECORDED and _is_of_ros(log.place) else log.kind
-        log = dataclasses.replace(log, kind=kind)
+        if not is_url(log.place):
+            log = on_this_machine(log, log.place)
         yield dataclasses.replace(log, frames=_frames(log, options))
+
+
+def on_this_machine(log: Log, place: str) -> Log:
+    """The log at its place on this machine; a single MCAP file is a bag if its header says so."""
+    kind = _BAG if log.kind == RECORDED and _is_of_ros(Path(place)) else log.kind
+    return dataclasses.replace(log, kind=kind, place=place)
 
 
 def _logs_below(listing: Listing, path: str) -> Iterator[tuple[str, str]]:
@@ -176,12 +179,12 @@ def _frames(log: Log, options: SourceOptions) -> int:
         return 0  # the run will report the error
 
 
-def _is_of_ros(place: str) -> bool:
-    """Whether this is an MCAP file of ROS 2 on this machine."""
-    if is_url(place) or not Path(place).is_file():
+def _is_of_ros(place: Path) -> bool:
+    """Whether this is an MCAP file of ROS 2."""
+    if not place.is_file():
         return False
     try:
-        with Path(place).open("rb") as stream:
+        with place.open("rb") as stream:
             return make_reader(stream).get_header().profile == "ros2"
     except (OSError, *TORN):  # the run reports it
         return False

@@ -55,7 +55,7 @@ def unfinished_log(run_dir: Path, recorder_error: str = "", failures: int = 0) -
         each = ", ".join(f"{count} of {topic}" for topic, count in lost.items())
         why = f"messages are lost, as the recorder was too slow or was away: {each}"
     elif not log["complete"] or failures:
-        why = "the disk was full, and some messages are lost"
+        why = "the disk was full or could not be written, and some messages are lost"
     else:
         return ""
     helps = f"; run hsslam-log recover {run_dir} to make the written part readable"

@@ -95,7 +95,8 @@ class TrajectoryFiles:
             UserError: names each file that cannot be written.
         """
         errors = []
-        for number in filter(self._log.is_joined, self._fragments):  # since an earlier save
+        joined = [] if self.lost else filter(self._log.is_joined, self._fragments)
+        for number in joined:  # since an earlier save
             name = f"{fragment_trajectory_name(number)}{self._suffix}.txt"
             (run_dir / name).unlink(missing_ok=True)
         for name, pieces in self._trajectories.items():

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import STORAGE_FAILS, UserError
 from hsslam_node.frame import expect_trackable
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -25,9 +25,15 @@ def open_any_source(
 
     Raises:
         UserError: unknown source, missing files, an invalid camera, or images that are too large for a
-            message or too small to track.
+            message or too small to track, or the disk fails.
     """
-    source = open_source(spec, options, should_stop, ALL_SOURCES)
+    try:
+        source = open_source(spec, options, should_stop, ALL_SOURCES)
+    except OSError as error:
+        if error.errno not in STORAGE_FAILS:
+            raise
+        where = error.filename or f"source {spec}"
+        raise UserError(f"{where}: {error.strerror}: expected a file that can be read") from None
     width_px, height_px = source.camera.width_px, source.camera.height_px
     images = f"source {source.name}: images of {width_px}x{height_px} pixels"
     if max(width_px, height_px) > LARGEST_SIDE_PX or width_px * height_px > LARGEST_IMAGE_PX:

@@ -61,6 +61,10 @@ class ProcessSpec:
         """Whether a run of this pace cannot continue without this process."""
         return self.ends_run or (self.lockstep_needs and pace == "lockstep")
 
+    def can_refuse(self, pace: str) -> bool:
+        """Whether bad input of this process before the first poses ends a run of this pace."""
+        return self.is_needed(pace) or self.reads_source
+
 
 _ARRAY_BYTES = 512 << 10
 _IMAGE_BYTES = 4 << 20  # smaller images stay: the system would clear 4 MB for each frame

@@ -300,17 +300,17 @@ def record(worker: Worker) -> None:
     level = SharedLevel(run.arena_dir)
     count_at_s = 0.0
     worker.ready()
-    try:
-        while not worker.should_stop():
-            with worker.timed("record"):
-                recorder.spin_once()
-            recorder.show_images_every(level.now.image_every_s)
-            if time.monotonic() >= count_at_s:
-                worker.counters.update(recorder.counters())
-                count_at_s = time.monotonic() + _COUNT_EVERY_S
-    finally:
-        worker.add_to_summary({"log": recorder.close()})
-        worker.counters.update(recorder.counters())
+    while (
+        not worker.should_stop()
+    ):  # an exception ends the process: its successor finishes this part
+        with worker.timed("record"):
+            recorder.spin_once()
+        recorder.show_images_every(level.now.image_every_s)
+        if time.monotonic() >= count_at_s:
+            worker.counters.update(recorder.counters())
+            count_at_s = time.monotonic() + _COUNT_EVERY_S
+    worker.add_to_summary({"log": recorder.close()})
+    worker.counters.update(recorder.counters())
 
 
 def _drawn_poses(run: RunInfo) -> DrawnPoses:

@@ -24,7 +24,8 @@ class PassedOn:
             busy = self._request.busy
             asked.refuse(busy.reason, busy.text)
             return
-        self._waiting.add(asked)
+        if not self._waiting.add(asked) and self._request.one_at_a_time:
+            self._under_way.release()
 
     def _answer(self, asked: PendingRequest) -> None:
         try:

@@ -69,5 +69,5 @@ class ModeSetting:
         else:
             self._mode.localise_only = wanted.mode == "localise-only"
             text = f"mode set to {wanted.mode} by a client"
-            self._events.put(Event.now("supervisor", "info", text))
+            self._events.put(Event.now("control", "info", text))
             asked.answer(Done(text=wanted.mode))

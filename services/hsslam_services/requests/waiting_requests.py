@@ -22,8 +22,8 @@ class WaitingRequests:
         self._waiting: queue.Queue[PendingRequest] = queue.Queue(_MOST_WAITING)
         self._thread: threading.Thread | None = None
 
-    def add(self, asked: PendingRequest) -> None:
-        """Answer the request soon; refused if too many wait. Never blocks."""
+    def add(self, asked: PendingRequest) -> bool:
+        """Answer the request soon; if too many wait, refuse it and return False. Never blocks."""
         try:
             self._start()
             self._waiting.put_nowait(asked)
@@ -31,6 +31,9 @@ class WaitingRequests:
             asked.refuse("busy", f"{asked.request.name}: {_MOST_WAITING} requests wait already")
         except (RuntimeError, MemoryError) as error:  # this machine has no thread left
             asked.refuse("failed", f"{asked.request.name}: {one_line(error)}")
+        else:
+            return True
+        return False
 
     def _start(self) -> None:
         if self._thread is None:

@@ -3,6 +3,7 @@
 import datetime
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from hsslam_services.launch.one_shot import run_one_shot
 from hsslam_services.launch.process_table import (
     MAP_LOADER,
     WARM_UP,
+    ProcessSpec,
     one_shot_timeout_s,
     processes_of,
 )
@@ -79,13 +81,18 @@ class RunLoop:
         self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
             spec.name: Child(
-                spec, self._info.path, fork_client.spawn, self._has_poses, self._has_source_ended
+                spec,
+                self._info.path,
+                fork_client.spawn,
+                partial(self._may_pass, spec),
+                self._has_source_ended,
             )
             for spec in processes_of(self._info.options)
         }
 
-    def _has_poses(self) -> bool:
-        return self._listener.state.has_worked
+    def _may_pass(self, spec: ProcessSpec) -> bool:
+        """Whether an error of this process may pass: it is no reason to refuse the input of the run."""
+        return self._listener.state.has_worked or not spec.can_refuse(self._info.options.pace)
 
     def _has_source_ended(self) -> bool:
         return self._listener.state.source_end is not None
@@ -201,7 +208,7 @@ class RunLoop:
     @property
     def _may_be_refused(self) -> bool:
         """Whether bad input still refuses the run: there is no map and at most one pose."""
-        return self._listener.state.map is None and not self._has_poses()
+        return self._listener.state.map is None and not self._listener.state.has_worked
 
     def _measure_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}

@@ -34,6 +34,6 @@ def of_processes(
 def user_error(children: Collection[Child], pace: str) -> str:
     """The error of a needed process that has refused its input; "" if there is none."""
     for child in children:
-        if child.user_error and (child.spec.is_needed(pace) or child.spec.reads_source):
+        if child.user_error and child.spec.can_refuse(pace):
             return child.user_error
     return ""

@@ -55,6 +55,7 @@ class PosesOut:
         self._path = SmoothPath(self.log, options.slam.tracker.longest_gap_s, robot)
         self._poses = worker.bus.publisher(topics.POSE)
         self._has_reported = False  # that poses are not logged
+        self._count_not_logged()  # of an earlier tracker process
 
     def put(self, result: TrackResult, received: Received) -> int:
         """Log and publish the result of a frame; returns the time of publication, ns."""
@@ -107,7 +108,11 @@ class PosesOut:
             self._has_reported = True
             text = "the memory is full: poses are published, but missing in the trajectories"
             self._worker.event("error", text)
-        self._worker.count(POSES_NOT_LOGGED)
+        self._count_not_logged()
+
+    def _count_not_logged(self) -> None:
+        if self.log.not_logged:
+            self._worker.counters[POSES_NOT_LOGGED] = self.log.not_logged
 
     def _up(self) -> list[float]:
         """Direction against gravity, in the world; empty: unknown."""

@@ -1,17 +1,21 @@
 """Logs come out of an object store whole, in spite of its faults, and only as they were planned."""
 
 import dataclasses
+import io
+import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.writer import Writer
 
 from hsslam_batch.attempt import fetch
 from hsslam_batch.attempt.fetch import fetch_log, fetched_place
 from hsslam_batch.plan import tried
 from hsslam_batch.plan.command import plan_command
-from hsslam_batch.plan.find_logs import find_logs
+from hsslam_batch.plan.find_logs import find_logs, on_this_machine
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import list_url
@@ -106,6 +110,35 @@ def test_a_log_comes_whole_in_spite_of_faults(store, tmp_path: Path, monkeypatch
             hidden = [p.name for p in place.rglob("*") if p.name.startswith(".")]
             assert place.is_file() or not hidden
     assert faults.refused > 0 and faults.broken > 0
+
+
+def test_a_fetched_mcap_file_of_ros_is_a_bag_and_a_log_is_none(store, tmp_path: Path):
+    client, _, _ = store
+    for name, profile in (("drive", "ros2"), ("walk", "")):
+        writer = Writer(stream := io.BytesIO())
+        writer.start(profile=profile)
+        writer.finish()
+        client.put_object(Bucket=BUCKET, Key=f"robot/{name}.mcap", Body=stream.getvalue())
+    kinds = {}
+    for log in find_logs(list_url(f"s3://{BUCKET}/robot")):
+        fetch_log(log, tmp_path / log.id, most_gb=1.0)
+        place = str(fetched_place(tmp_path / log.id, log))
+        kinds[log.name] = (log.kind, on_this_machine(log, place).source)
+    assert kinds["walk.mcap"][1].startswith("mcap:") and kinds["drive.mcap"][0] == "mcap"
+    assert kinds["drive.mcap"][1].startswith("bag:/")
+
+
+def test_two_attempts_at_a_log_fetch_it_one_after_the_other(store, tmp_path: Path):
+    log = _logs()["loose.mcap"]
+    held = subprocess.Popen(
+        ["flock", tmp_path / ".lock", "-c", "echo held; sleep 1"], stdout=subprocess.PIPE
+    )
+    assert held.stdout is not None
+    held.stdout.readline()
+    begin_s = time.monotonic()
+    fetch_log(log, tmp_path, most_gb=1.0)
+    assert time.monotonic() - begin_s > 0.5 and fetched_place(tmp_path, log).is_file()
+    held.wait()
 
 
 def test_the_marker_of_a_folder_is_no_file(store, tmp_path: Path):

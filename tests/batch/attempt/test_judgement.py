@@ -64,10 +64,12 @@ def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict,
         ("--out /fleet/run: No space left on device: expected a folder with room", "crash"),
         ("out of memory: Unable to allocate 9.00 GiB for an array", "crash"),
         ("ulimit -n: this process may open 64 files: expected 128 or more", "crash"),
+        ("/logs/walk/run.mcap: Input/output error: expected a log such as run.mcap", "crash"),
+        ("/logs/desk/rgb.txt: Stale file handle: expected lines 'timestamp file'", "crash"),
         ("bag: no topic", "bad input"),
     ],
 )
-def test_a_machine_that_is_full_is_not_the_fault_of_the_log(words: str, kind: Kind):
+def test_a_machine_that_is_full_or_fails_is_not_the_fault_of_the_log(words: str, kind: Kind):
     end = End(code=2, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
     assert judged(end, Limits(), words)[0] == kind
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.fragments.fragment import Fragment
@@ -13,12 +14,15 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.tracking.map_view import TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracker import Tracker
 from hsslam_node.tracking.tracking_work import TrackingWork
 from tests.small_room import SMALL, pose_error, with_black
 
@@ -191,6 +195,45 @@ def test_a_fragment_that_is_lost_while_it_is_copied_leaves_the_map_as_it_was():
     assert store.append(frame, np.eye(4)) == before
     assert store.kept().tolist() == list(range(before + 1))
     np.testing.assert_array_equal(store.frame(before).color, frame.color)
+
+
+def test_a_fragment_does_not_join_while_odometry_bridges_what_the_camera_does_not_see():
+    tracker, store, end = _until_it_is_copied()
+    frames, poses = _walk()
+    wheels = simulated_odometry(poses, 0.01, seed=1)
+    covered = range(end + 1, end + 8)  # without them it would join at the third frame
+    before, gap_at = store.count, None
+    for k in range(end, end + 30):
+        frame = replace(frames[k], odometry=wheels[k])
+        result = tracker.track(with_black(frame) if k in covered else frame, None)
+        if result.joined is not None:
+            gap_at = k
+            break
+        assert (result.status, result.fragment) == ("lost", 1) and store.count == before
+    assert gap_at is not None and gap_at > covered.stop
+    gaps = [store.gap_covariance(k).any() for k in range(before + 1, store.count)]
+    assert gaps.count(True) == 1  # the way without sight
+    off_m, off_deg = pose_error(result.T_world_cam, poses[gap_at])
+    assert off_m < _DRIFT_M and off_deg < _DRIFT_DEG
+
+
+def test_a_frame_that_is_lost_in_the_fragment_is_tracked_there_once_if_the_map_is_torn(monkeypatch):
+    (torn, _, end), (calm, _, _) = _until_it_is_copied(), _until_it_is_copied()
+    frames = _walk()[0]
+    black = with_black(frames[end])
+    track, torn_reads = Tracker.track, [TornMapError]
+
+    def track_once_torn(tracker: Tracker, *args, **options) -> TrackResult:
+        if tracker is torn._map and torn_reads:
+            raise torn_reads.pop()
+        return track(tracker, *args, **options)
+
+    monkeypatch.setattr(Tracker, "track", track_once_torn)
+    with pytest.raises(TornMapError):
+        torn.track(black, None)
+    assert torn.track(black, None).status == calm.track(black, None).status == "lost"
+    lost = [each._fragment.tracker._motion.lost_frames for each in (torn, calm)]
+    assert lost == [1, 1]
 
 
 def test_a_fragment_that_ends_without_a_join_is_kept():

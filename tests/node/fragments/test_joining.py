@@ -62,6 +62,23 @@ def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
         np.testing.assert_allclose(store.gap_covariance(at), expected, rtol=1e-4, atol=1e-7)
 
 
+def test_the_newest_keyframe_is_copied_if_odometry_alone_bridged_the_way_to_it():
+    frames = room_frames()
+    gap = 0.01 * np.eye(6)
+    for has_gap, copied in ((False, 3), (True, 4)):
+        store = KeyframeStore.create(
+            MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 5
+        )
+        store.append(frames[0], np.eye(4))
+        fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+        for k in range(6):
+            at_end = gap if has_gap and k == 5 else None
+            fragment.store.append(frames[k], np.eye(4), gap_covariance=at_end)
+        joined = Joining(fragment, store, np.eye(4)).finish()
+        assert joined is not None and store.count == 1 + copied
+        assert store.gap_covariance(store.count - 1).any() == has_gap
+
+
 def _moved(T_cam_next: np.ndarray, step: np.ndarray) -> np.ndarray:
     """How a camera moves, in its own axes, that is fixed to one which makes this small step in its own."""
     T = np.eye(4)

@@ -18,7 +18,7 @@ def terms() -> tuple[np.ndarray, np.ndarray]:
     return _information(rng, 40), _information(rng, 60)
 
 
-@pytest.mark.parametrize(("points", "pixels", "is_averaged"), [(1.5, 5, False), (0.3, 9, True)])
+@pytest.mark.parametrize(("points", "pixels", "is_averaged"), [(1.5, 5, False), (0.5, 6, True)])
 def test_residuals_as_large_as_assumed_give_the_inverse_times_the_correlation(
     terms, points, pixels, is_averaged
 ):

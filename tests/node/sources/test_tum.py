@@ -50,6 +50,23 @@ def test_a_bad_file_is_one_bad_frame_and_the_rest_goes_on(tum_folder, spoil):
     assert (frames[2].index, "2.png" in frames[2].reason) == (2, True)
 
 
+def test_a_disk_that_fails_is_no_bad_frame(tum_folder):
+    for name, begins in (("depth/2.png", True), ("rgb/0.png", True), ("rgb.txt", False)):
+        path = tum_folder / name
+        content = path.read_bytes()
+        path.unlink()
+        path.symlink_to("/proc/self/mem")  # its first byte is an input/output error
+        if begins:
+            with pytest.raises(OSError, match=f"Input/output error: '{path}'"):
+                frames_of(tum_folder)
+        else:
+            with pytest.raises(UserError, match=f"{path}: Input/output error: expected"):
+                frames_of(tum_folder)
+        path.unlink()
+        path.write_bytes(content)
+    assert len(frames_of(tum_folder)) == 5
+
+
 def test_pairs_further_than_20_ms_apart_are_left_out(tum_folder):
     lines = (tum_folder / "depth.txt").read_text().splitlines()
     stamp, file = lines[3].split()

@@ -26,6 +26,9 @@ def test_a_lost_camera_is_found_again_at_a_keyframe():
         for k in range(4)
     ]
     assert all(map(_is_right, back))
+    # their poses follow the keyframe that they are aligned to, not the newest one, from before the loss
+    beside = [r for r in back if not r.is_keyframe]
+    assert beside and all(store.frame_indices()[r.keyframe] < 12 for r in beside)
     assert [r.is_carried for r in back] == [True, False, False, False]
 
 

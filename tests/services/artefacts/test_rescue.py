@@ -75,9 +75,11 @@ def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_
         rescue_command([str(run_info.path)])
 
 
-@pytest.mark.parametrize("has_moved", [True, False])
+@pytest.mark.parametrize(
+    ("has_moved", "has_earlier_camera"), [(True, False), (False, False), (False, True)]
+)
 def test_poses_in_a_run_folder_that_was_moved_are_found_and_without_it_keyframes_are_saved(
-    run_info: RunInfo, tmp_path: Path, has_moved: bool
+    run_info: RunInfo, tmp_path: Path, has_moved: bool, has_earlier_camera: bool
 ):
     """After 34 s at 30 Hz, the older poses lie there."""
     before, now, memory = (tmp_path / name for name in ("before", "now", "memory"))
@@ -94,6 +96,8 @@ def test_poses_in_a_run_folder_that_was_moved_are_found_and_without_it_keyframes
         color = np.dstack([blank.astype(np.uint8)] * 3)
         store.append(Frame(k, k + 1, COLOR, color, blank, 1000.0), T)
     long_log(arena)
+    if has_earlier_camera:  # whose newest row is among those that are gone
+        arena.open("pose_newest")[0] = 5
     arena.move_to_disk("pose_log.000", disk_folder(before, arena_dir))
     if has_moved:
         before.rename(now)

@@ -32,6 +32,15 @@ def test_a_tracker_by_rendering_may_take_longer_for_a_frame():
     assert stall_s("paper") == stall_s("co-slam") == 150
 
 
+def test_only_what_a_run_needs_may_refuse_its_input():
+    refuse = {
+        pace: {spec.name for spec in PROCESSES if spec.can_refuse(pace)}
+        for pace in ("realtime", "lockstep")
+    }
+    assert refuse["realtime"] == {"camera", "tracker", "mapper"}
+    assert refuse["lockstep"] == {"camera", "tracker", "mapper", "global_ba"}
+
+
 def test_what_lockstep_waits_for_does_not_give_way():
     at = {spec.name: (spec.nice_at("realtime"), spec.nice_at("lockstep")) for spec in PROCESSES}
     assert at["mapper"] == (5, 0) and at["global_ba"] == (14, 0) and at["mesher"] == (19, 19)

@@ -10,8 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.map import pose_log
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog
 from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
@@ -70,17 +72,28 @@ def test_poses_that_do_not_fit_into_memory_are_published_and_reported_once(
         out = PosesOut(
             worker, SharedMap(worker.arena, PRESETS["realtime"]), MapState(run.arena_dir)
         )
-        monkeypatch.setattr(PoseLog, "append", lambda *_: False)
-        for index in range(3):
+        monkeypatch.setattr(pose_log, "SLAB_ROWS", 1)
+        monkeypatch.setattr(PoseLog, "_slab", _one_slab)
+        for index in range(4):
             message = frame_message(_frames_of(160, 1)[0], time.time_ns(), _CAMERA)
             place = FrameOrder().place(_CAMERA, index, message.stamp_ns)
             now_ns = time.time_ns()
             received = Received(message, place, now_ns, now_ns, now_ns, 0)
             out.put(TrackResult.without_map(index), received)
-        until(lambda: poses.received == 3, 60)
+        until(lambda: poses.received == 4, 60)
         assert worker.counters[POSES_NOT_LOGGED] == 3
+        worker.counters[POSES_NOT_LOGGED] = 0
+        PosesOut(worker, SharedMap(worker.arena, PRESETS["realtime"]), MapState(run.arena_dir))
+        assert worker.counters[POSES_NOT_LOGGED] == 3  # a restarted tracker goes on counting
         told = [event.text for event in events.drain()]
     assert told == ["the memory is full: poses are published, but missing in the trajectories"]
+
+
+def _one_slab(log: PoseLog, k: int, slab=PoseLog._slab) -> np.ndarray:
+    """The memory has room for the first slab alone."""
+    if k:
+        raise OutOfMemoryError("/dev/shm is full")
+    return slab(log, k)
 
 
 def test_a_frame_that_is_sent_again_gets_its_pose_and_another_of_its_number_gets_none(

@@ -137,6 +137,23 @@ def test_while_one_client_is_answered_others_are_refused_at_once_and_their_quest
     assert asked.get(timeout=60) == 4 and asked.empty()
 
 
+def test_a_client_for_whom_no_thread_starts_does_not_keep_others_out(
+    gateway, monkeypatch: pytest.MonkeyPatch
+):
+    start, failures = threading.Thread.start, [RuntimeError("can't start new thread")]
+
+    def start_later(thread: threading.Thread) -> None:
+        if failures and thread.name == LOCATE.name:
+            raise failures.pop()
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start_later)
+    with Bus(gateway, "r", "tracker") as tracker:
+        tracker.answer(LOCATE, lambda _: Refusal(reason="failed", text="locate: not found"))
+        assert "can't start new thread" in _located(gateway, 1)
+        assert _located(gateway, 2) == "refused: locate: not found"
+
+
 def _client_of_the_document(endpoint: str) -> str:
     (block,) = re.findall(
         r"^```python\n(.*?)^```", (ROOT / "docs/wire.md").read_text(), re.M | re.S

@@ -1,6 +1,7 @@
 """Processes of a run die: it goes on, ends with code 0, and says so."""
 
 import contextlib
+import resource
 import time
 
 import psutil
@@ -33,6 +34,19 @@ def test_death_of_ba_recorder_mesher_fork_server_and_watchdog_costs_no_pose(serv
     assert frames["lost"] == 0
     assert frames["dropped"] <= 30
     assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
+
+
+def test_a_recorder_that_raises_is_restarted_at_once_and_the_log_has_all_poses(serve):
+    run = serve(*SMALL_ROOM, "--frames", "150", "--log-part-mb", "1")
+    run.wait_for_poses(20)
+    recorder = run.pid_of("recorder")
+    few_files = (3, 3)  # so the next part cannot be opened
+    resource.prlimit(recorder, resource.RLIMIT_NOFILE, few_files)
+    run.wait_until(lambda: run.pid_of("recorder") not in (None, recorder), 15)
+    assert run.finish() == 0, run.stderr
+    assert "Too many open files" in run.stderr and "recorder was restarted 1 x" in run.stderr
+    frames, log = run.summary()["frames"], run.summary()["log"]
+    assert log["complete"] and log["poses_logged"] == frames["tracked"] == frames["in"]
 
 
 def test_mapper_camera_and_tracker_are_replaced_and_a_crash_loop_ends_the_run_with_code_3(serve):

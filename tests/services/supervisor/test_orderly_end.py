@@ -217,4 +217,6 @@ def test_what_a_killed_recorder_lost_is_missing(run_info):
     write_result(run_info.path, "recorder", ProcessResult(summary={"log": {"complete": True}}))
     end = _end(run_info, recorder=recorder)
     end.to_the_end()
-    assert end.not_saved["log"].startswith("the disk was full, and some messages are lost")
+    assert end.not_saved["log"].startswith(
+        "the disk was full or could not be written, and some messages are lost"
+    )

@@ -54,7 +54,8 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     run.signal()
     assert run.finish() == ExitCode.NOT_SAVED, run.stderr
     assert _missing(run.out) == ["trajectory.txt"]
-    of_log = f"log not saved: the disk was full, and some messages are lost; run hsslam-log recover {run.out}"
+    why = "the disk was full or could not be written, and some messages are lost"
+    of_log = f"log not saved: {why}; run hsslam-log recover {run.out}"
     assert of_log in run.stderr
     last = run.stderr.strip().splitlines()[-1]
     assert last.endswith(f"hsslam-serve rescue {arena}")  # the run folder may go, this stays

@@ -183,7 +183,7 @@ class BagFile:
         """Turn each error of rosbags into a `UserError`: damaged bytes raise many kinds of errors."""
         try:
             yield
-        except UserError:
+        except (UserError, MemoryError):
             raise
         except Exception as error:
             reason = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__

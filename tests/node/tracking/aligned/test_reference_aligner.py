@@ -32,3 +32,21 @@ def test_the_reference_stays_if_the_keyframe_that_shows_more_is_removed_meanwhil
     aligner.refer_to_covering(frames[21], room_poses()[21])
     assert aligner.keyframe == 2
     np.testing.assert_array_equal(store.kept(), [0, 2])
+
+
+def test_a_reference_that_replaces_one_at_a_place_found_again_is_no_more_tracked_to():
+    frames = room_frames()
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 8)
+    for k in (0, 10, 20):
+        store.append(frames[k], room_poses()[k])
+    aligner = ReferenceAligner(SMALL.tracker, store)
+    aligner.refer_to(0)
+    aligner.refer_to_covering(frames[11], room_poses()[11])
+    assert (aligner.keyframe, aligner.take_untracked()) == (1, False)
+    aligner.refer_to(0)
+    aligner.refer_next_to_covering(frames[11], room_poses()[11])
+    aligner.prepare_next()
+    aligner.refer_to_covering(frames[21], room_poses()[21])
+    assert (aligner.keyframe, aligner.take_untracked()) == (2, True)
+    assert not aligner.take_untracked()
