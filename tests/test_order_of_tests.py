@@ -1,6 +1,8 @@
+import re
 from itertools import pairwise
 
 from tests.order_of_tests import in_order
+from tests.repository import ROOT
 
 pytest_plugins = ("pytester",)
 
@@ -36,3 +38,29 @@ def test_runs_alone_keep_their_order(pytester):
     items, _ = pytester.inline_genitems()
     runs = [item for item in items if item.name == "test_run"]
     assert in_order(runs) == runs
+
+
+def test_one_worker_takes_all_tests_of_a_file(pytester, monkeypatch):
+    """pytest-xdist 3.8 ignores groups with pytest 9.2, without a word."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    pytester.makeconftest(
+        """
+        import pytest
+        from tests.order_of_tests import in_order
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_collection_modifyitems(items):
+            items[:] = in_order(items)
+        """
+    )
+    pytester.makepyfile(**{f"test_{name}": _FILE for name in "abcd"})
+    options = ("--numprocesses", "2", "--dist", "loadgroup", "-v", "-W", "ignore")
+    result = pytester.runpytest_subprocess(*options)
+    result.assert_outcomes(passed=12)
+    workers: dict[str, set[str]] = {}
+    for worker, name in re.findall(
+        r"^\[(gw\d)\].*PASSED test_(\w)\.py::test_(?!run)", result.stdout.str(), re.M
+    ):
+        workers.setdefault(name, set()).add(worker)
+    assert sorted(workers) == list("abcd")
+    assert all(len(of_file) == 1 for of_file in workers.values()), workers
