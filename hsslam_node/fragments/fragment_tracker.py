@@ -68,7 +68,8 @@ class FragmentTracker:
         self._begun = fragments
         self._keep = keep
         self._lost_ns: int | None = None  # stamp of the first of the lost frames
-        # a frame that is lost in the fragment, if its map is overwritten: it is tracked again
+        # The newest frame, if it was lost in the fragment and the map then raised `TornMapError`: it comes
+        # again, and the fragment must not track it twice.
         self._torn: tuple[Frame, TrackResult] | None = None
         self._seeing_ns: int | None = None  # since when the lost frames have texture
 
@@ -144,7 +145,8 @@ class FragmentTracker:
         if self._joining is None:
             self._joining = self._begin_joining(fragment, self._search)
         if self._joining is None or result.status != "tracked" or fragment.tracker.is_bridged:
-            return _of_fragment(result, fragment.number)  # what odometry bridges stays in one map
+            # a keyframe must hold the gap of odometry before the join
+            return _of_fragment(result, fragment.number)
         joined = self._joining.step()
         if joined is None:
             return _of_fragment(result, fragment.number)

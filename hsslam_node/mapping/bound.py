@@ -42,7 +42,10 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
 
 
 def may_begin_map(frame: Frame, max_depth_m: float) -> bool:
-    """Whether a map may begin with this frame: it has depth for the map."""
+    """Whether a map may begin with this frame: it has depth that counts, also if its box is given.
+
+    Without such depth the last iterations of the map would have nothing to draw rays from.
+    """
     return len(_points(frame, max_depth_m)) > 0
 
 

@@ -1,7 +1,7 @@
 """ScanNet scenes: exported frames, or a `.sens` recording read frame by frame."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -14,12 +14,13 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
     BadImageError,
+    UnreadImageError,
     decode_color,
     read_any_color,
     read_any_depth,
     read_depth,
 )
-from hsslam_node.sources.files.image_pairs import numbered_rate_hz
+from hsslam_node.sources.files.image_pairs import numbered_rate_hz, without_image
 from hsslam_node.sources.files.scannet_scene import (
     DEPTH_UNITS_PER_M,
     RATE_HZ,
@@ -72,7 +73,7 @@ class ScanNetSource(ReadsInTime):
                 try:
                     color, depth = read(row)
                 except BadImageError as error:
-                    yield BadFrame(index, stamp_ns, str(error))
+                    yield without_image(index, stamp_ns, error)
                     continue
                 inner = np.s_[_CROP_PX:-_CROP_PX, _CROP_PX:-_CROP_PX]
                 color = on_depth(color, self._K_color, self._whole)
@@ -200,10 +201,22 @@ def _expect_resized_alike(
 
 
 def _size(files: Iterable[Path], read: Callable[[Path], np.ndarray]) -> tuple[int, int] | None:
-    """Width and height of the first image that can be read; None if there is none."""
+    """Width and height of the first image that can be read; None if there is none.
+
+    Raises:
+        UserError: the disk fails twice.
+    """
+    has_failed = False
     for file in files:
-        with suppress(BadImageError):
+        try:
             height, width = read(file).shape[:2]
+        except UnreadImageError as error:
+            if has_failed:
+                raise UserError(f"{error}: expected a disk that can be read") from None
+            has_failed = True
+        except BadImageError:
+            continue
+        else:
             return width, height
     return None
 

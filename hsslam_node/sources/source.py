@@ -63,6 +63,11 @@ class BadFrame:
 
 
 @dataclass(frozen=True)
+class UnreadFrame(BadFrame):
+    """A frame that a failing disk or its network did not give: the run counts it also by itself."""
+
+
+@dataclass(frozen=True)
 class LateFrame(BadFrame):
     """A frame that was skipped as late: the run counts it, and goes on."""
 

@@ -1,9 +1,8 @@
-"""Colour and depth images from files, on the real-time path: one read, one decode, no copy.
-
-If the disk or its network fails, the functions raise OSError, so that the run tries the frame again.
-"""
+"""Colour and depth images from files, on the real-time path: one read, one decode, no copy."""
 
 import errno
+import itertools
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,16 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_decoding import decoded_as_stored, decoded_mask, decoded_rgb
 from hsslam_node.image_header import LARGEST_PIXELS, has_end, image_header
 
-_NOT_OF_THE_FILE = (*STORAGE_FAILS, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+_MAY_PASS = (*STORAGE_FAILS, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+_WAITS_S = (0.5, 1.0, 2.0, 4.0)  # between tries
 
 
 class BadImageError(Exception):
     """An image file that is missing, truncated or not as expected; the text is one line."""
+
+
+class UnreadImageError(BadImageError):
+    """The disk or its network fails, for seconds: the image itself may be good."""
 
 
 def read_color(path: Path, camera: Camera) -> np.ndarray:
@@ -101,12 +105,18 @@ def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = N
 
 
 def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        if error.errno in _NOT_OF_THE_FILE:
-            raise OSError(error.errno, error.strerror, str(path)) from None
-        raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    """The content of a file; tries again for 7.5 s if the disk or its network fails."""
+    for wait_s in itertools.chain(_WAITS_S, (None,)):
+        try:
+            return path.read_bytes()
+        except OSError as error:
+            reason = f"{path}: {error.strerror or 'cannot be read'}"
+            if error.errno not in _MAY_PASS:
+                raise BadImageError(reason) from None
+            if wait_s is None:
+                raise UnreadImageError(reason) from None
+            time.sleep(wait_s)
+    raise AssertionError
 
 
 def _expect_whole(data: bytes | np.ndarray, name: str, camera: Camera | None) -> None:

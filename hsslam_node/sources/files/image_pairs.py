@@ -11,6 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
     BadImageError,
+    UnreadImageError,
     read_any_color,
     read_any_depth,
     read_color,
@@ -19,7 +20,7 @@ from hsslam_node.sources.files.image_files import (
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime, UnreadFrame
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 
@@ -75,7 +76,7 @@ class ImagePairSource(ReadsInTime):
                     hidden = self._masks.hidden(color_file, self.camera)
                     depth = np.where(hidden, np.uint16(0), depth)
             except BadImageError as error:
-                yield BadFrame(index, stamp_ns, str(error))
+                yield without_image(index, stamp_ns, error)
                 continue
             yield Frame(
                 index=index,
@@ -85,6 +86,12 @@ class ImagePairSource(ReadsInTime):
                 depth_raw=self._undistortion.depth(depth),
                 depth_units_per_m=self.depth_units_per_m,
             )
+
+
+def without_image(index: int, stamp_ns: int, error: BadImageError) -> BadFrame:
+    """A frame whose image cannot be read."""
+    kind = UnreadFrame if isinstance(error, UnreadImageError) else BadFrame
+    return kind(index, stamp_ns, str(error))
 
 
 def median_rate_hz(stamps_ns: Sequence[int] | np.ndarray) -> float:
@@ -112,14 +119,20 @@ def first_size_px(source: str, pairs: Sequence[ImagePair]) -> tuple[int, int]:
     """Width and height of the first pair that can be used.
 
     Raises:
-        UserError: none of the first 30 can; the fault of the first pair.
+        UserError: none of the first 30 can; the fault of the first pair. Or the disk fails twice.
     """
     problem: UserError | None = None
+    has_failed = False
     for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
         try:
             height, width = read_any_color(color_file).shape[:2]
             depth_height, depth_width = read_any_depth(depth_file).shape
         except BadImageError as error:
+            if isinstance(error, UnreadImageError) and has_failed:
+                raise UserError(
+                    f"source {source}: {error}: expected a disk that can be read"
+                ) from None
+            has_failed |= isinstance(error, UnreadImageError)
             problem = problem or UserError(f"source {source}: first frame: {error}")
             continue
         if (depth_width, depth_height) == (width, height):

@@ -21,6 +21,7 @@ from hsslam_node.errors import (
 )
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.camera_progress import UNREAD
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
 from hsslam_services.run.summary import read_summary
 
@@ -65,14 +66,15 @@ def judged(
 
 
 def kind_of_error(text: str) -> Kind:
-    """Bad input; if the machine is short of memory, room, threads or files, or its disk or network fails, the
-    log is not at fault: a crash, which is tried again."""
+    """ "crash" if the machine lacks memory, room, threads or files, or its disk or network fails: the log is
+    tried again. Else "bad input"."""
     return "crash" if any(of_machine in text for of_machine in _OF_THE_MACHINE) else "bad input"
 
 
 def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, str]:
     """Done if a run has a pose message for each frame of its log, except bad frames, if all are in run.mcap,
-    and if no process was restarted whose restart changes poses or map; else a crash.
+    if no disk failed to give a frame, and if no process was restarted whose restart changes poses or map;
+    else a crash.
 
     `expected`: frames of the log; None: not known, so that each frame that was sent needs a pose message.
     """
@@ -82,8 +84,11 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
         expected = max(sent, 1) + frames.get("bad", 0)
     if done != sent or sent + frames.get("bad", 0) != expected:
         return "crash", f"{done} of {expected} frames have a pose, {sent} were sent"
+    processes = summary.get("processes", {})
+    if unread := processes.get("camera", {}).get("counters", {}).get(UNREAD):
+        return "crash", f"{unread} frames could not be read: the disk or its network failed"
     for name in _OF_THE_POSES:
-        if restarts := summary.get("processes", {}).get(name, {}).get("restarts"):
+        if restarts := processes.get(name, {}).get("restarts"):
             return (
                 "crash",
                 f"{name} was restarted {restarts} x: the results are others than without",

@@ -12,7 +12,7 @@ from rich.progress import Progress, ProgressColumn
 
 from hsslam_node import __version__
 from hsslam_node.device.gpu_memory import gpu_memory_errors
-from hsslam_node.errors import OUT_OF_MEMORY, UserError, did_you_mean
+from hsslam_node.errors import OUT_OF_MEMORY, STORAGE_FAILS, UserError, did_you_mean
 from hsslam_services.commands.options.help_text import print_help
 from hsslam_services.commands.options.layers import merged
 from hsslam_services.commands.options.parser import parsed
@@ -113,6 +113,10 @@ def exit_code(command: Callable[[], int | None]) -> int:
         if error.errno in _NO_ROOM:
             where = error.filename or "output"
             _tell(f"error: {where}: {error.strerror}: expected room to write")
+        elif error.errno in STORAGE_FAILS:
+            where = error.filename or "a file"
+            _tell(f"error: {where}: {error.strerror}: expected a disk and a network that work")
+            return 2
         elif error.filename and error.errno in _NO_PATH:
             _tell(f"error: {error.filename}: {error.strerror}: expected {_NO_PATH[error.errno]}")
             return 2

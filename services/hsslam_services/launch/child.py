@@ -42,7 +42,8 @@ class Child:
 
     `wanted`: whether the process should run; `tick` starts or stops it. State "ended": it exited as it
     should; "failed": it is not started again, after a crash loop or bad input (`user_error`).
-    `may_pass()`: whether an error, as a lack of memory or of the router, may pass; else it is bad input.
+    `may_pass()`: whether an error, as a lack of memory or of the router, may pass; else it is bad input. A
+    process that reads the source comes back only after a lack of memory.
     `has_source_ended()`: whether a process that may finish has sent its last frame.
     """
 

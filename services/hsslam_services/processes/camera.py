@@ -13,7 +13,14 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.skipped_frames import SkippedFrames
-from hsslam_node.sources.source import BadFrame, LateFrame, NoFrame, Source, frames_in_time
+from hsslam_node.sources.source import (
+    BadFrame,
+    LateFrame,
+    NoFrame,
+    Source,
+    UnreadFrame,
+    frames_in_time,
+)
 from hsslam_proto import topics
 from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
@@ -26,7 +33,7 @@ from hsslam_services.camera.reopening import live_frames, open_with_patience, wi
 from hsslam_services.governor.source_waits import ReadItem, SourceWaits
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
-from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.camera_progress import UNREAD, CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
@@ -128,6 +135,9 @@ def _run(worker: Worker) -> None:
                 _skip(worker, progress, read)
             elif isinstance(item, BadFrame):
                 progress.bad += 1
+                if isinstance(item, UnreadFrame):
+                    progress.unread += 1
+                    worker.counters[UNREAD] = progress.unread
                 first_bad = first_bad or item.reason
                 skipped.add(item)
             else:

@@ -300,9 +300,8 @@ def record(worker: Worker) -> None:
     level = SharedLevel(run.arena_dir)
     count_at_s = 0.0
     worker.ready()
-    while (
-        not worker.should_stop()
-    ):  # an exception ends the process: its successor finishes this part
+    # Without `try`: an exception ends the process, and its successor finishes this part.
+    while not worker.should_stop():
         with worker.timed("record"):
             recorder.spin_once()
         recorder.show_images_every(level.now.image_every_s)

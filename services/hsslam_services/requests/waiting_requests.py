@@ -23,7 +23,8 @@ class WaitingRequests:
         self._thread: threading.Thread | None = None
 
     def add(self, asked: PendingRequest) -> bool:
-        """Answer the request soon; if too many wait, refuse it and return False. Never blocks."""
+        """Answer the request soon, and return True. If too many wait, or no thread starts, refuse it and
+        return False. Never blocks."""
         try:
             self._start()
             self._waiting.put_nowait(asked)

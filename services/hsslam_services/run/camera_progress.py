@@ -7,7 +7,8 @@ from pathlib import Path
 from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
-_LAYOUT = struct.Struct("<qqqqqqqqqq")
+_LAYOUT = struct.Struct("<qqqqqqqqqqq")
+UNREAD = "unread frames"  # counter of the camera, in its heartbeats
 
 
 @dataclass
@@ -27,6 +28,7 @@ class CameraProgress:
     skipped: int = 0  # late frames that were not read
     last_index: int = -1  # of the last frame that was sent; -1: none was
     skipped_by_wait: int = 0  # of those skipped, late because the source waited for a disk
+    unread: int = 0  # of the bad ones, those that a failing disk or its network did not give
 
     def due_ns(self, source_ns: int, clock_scale: float) -> int:
         """Monotonic time at which the sensor would have delivered the frame of this source stamp.

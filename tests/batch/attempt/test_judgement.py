@@ -8,6 +8,7 @@ from hsslam_batch.attempt.judgement import judged, judged_frames, last_words
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY
+from hsslam_services.run.camera_progress import UNREAD
 
 _NO_ROOM = "map not saved: /fleet/out/map.safetensors: No space left on device"
 
@@ -47,6 +48,7 @@ def test_each_frame_needs_a_pose(frames: dict[str, int], expected: int | None, k
         ({"log": {"frames_dropped": 0}, "processes": {"recorder": {"restarts": 1}}}, ""),
         ({"log": {"frames_dropped": 3}}, "3 frames are not in run.mcap"),
         ({"processes": {"tracker": {"restarts": 2}}}, "tracker was restarted 2 x"),
+        ({"processes": {"camera": {"counters": {UNREAD: 3}}}}, "3 frames could not be read"),
     ],
 )
 def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict, reason: str):

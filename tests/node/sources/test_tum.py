@@ -1,5 +1,7 @@
 """Sequences in TUM layout."""
 
+import threading
+
 import cv2
 import numpy as np
 import pytest
@@ -7,9 +9,10 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, write_tum
+from hsslam_node.sources.files import image_files
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, UnreadFrame
 from hsslam_node.sources.tum import TumFolder, TumSource, tum_truth
 from tests.sequence_folders import frame_images, write_tum_camera
 
@@ -50,21 +53,34 @@ def test_a_bad_file_is_one_bad_frame_and_the_rest_goes_on(tum_folder, spoil):
     assert (frames[2].index, "2.png" in frames[2].reason) == (2, True)
 
 
-def test_a_disk_that_fails_is_no_bad_frame(tum_folder):
-    for name, begins in (("depth/2.png", True), ("rgb/0.png", True), ("rgb.txt", False)):
-        path = tum_folder / name
-        content = path.read_bytes()
-        path.unlink()
-        path.symlink_to("/proc/self/mem")  # its first byte is an input/output error
-        if begins:
-            with pytest.raises(OSError, match=f"Input/output error: '{path}'"):
-                frames_of(tum_folder)
-        else:
-            with pytest.raises(UserError, match=f"{path}: Input/output error: expected"):
-                frames_of(tum_folder)
-        path.unlink()
-        path.write_bytes(content)
-    assert len(frames_of(tum_folder)) == 5
+@pytest.mark.parametrize("back_after_s", [0.1, 1e3])
+def test_an_image_that_a_failing_disk_does_not_give_is_read_again(
+    tum_folder, monkeypatch: pytest.MonkeyPatch, back_after_s: float
+):
+    monkeypatch.setattr(image_files, "_WAITS_S", (0.1, 0.2))
+    image, away = tum_folder / "depth/2.png", tum_folder / "away.png"
+    image.rename(away)
+    image.symlink_to("/proc/self/mem")  # its first byte is an input/output error
+    back = threading.Timer(back_after_s, away.replace, (image,))
+    back.start()
+    frames = frames_of(tum_folder)
+    back.cancel()
+    is_back = back_after_s < 1
+    assert [type(f) for f in frames] == [
+        Frame,
+        Frame,
+        Frame if is_back else UnreadFrame,
+        Frame,
+        Frame,
+    ]
+    assert is_back or frames[2].reason == f"{image}: Input/output error"
+
+
+def test_a_list_that_a_failing_disk_does_not_give_says_why(tum_folder):
+    (tum_folder / "rgb.txt").unlink()
+    (tum_folder / "rgb.txt").symlink_to("/proc/self/mem")
+    with pytest.raises(UserError, match=r"rgb\.txt: Input/output error: expected"):
+        frames_of(tum_folder)
 
 
 def test_pairs_further_than_20_ms_apart_are_left_out(tum_folder):

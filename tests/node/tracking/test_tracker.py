@@ -52,6 +52,14 @@ def test_the_first_frame_with_depth_starts_the_world():
     assert third.status == "tracked" and pose_error(third.T_world_cam, truth)[0] < 0.005
 
 
+def test_a_map_in_a_given_box_begins_with_depth_that_counts():
+    frame = room_frames()[0]
+    given = replace(SMALL, bound=replace(SMALL.bound, box=(-9.0, -9.0, -9.0, 9.0, 9.0, 9.0)))
+    all_too_far = replace(given, mapper=replace(SMALL.mapper, max_depth_m=0.1))
+    for config, status in ((given, "initial"), (all_too_far, "lost")):
+        assert Tracker(config, _store(), 0).track(frame, None).status == status
+
+
 def test_keyframes_come_half_as_often_if_asked():
     tracker = Tracker(SMALL, _store(), 0)
     tracker.limit_work(TrackingWork(keyframes_every=2))

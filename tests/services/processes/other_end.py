@@ -39,6 +39,15 @@ class OtherEnd:
             states += [health.state] if health.process == "camera" else []
         return set(states)
 
+    def counter(self, name: str) -> int:
+        """A counter in the next heartbeat of the camera."""
+        self._beats.drain()
+        while True:
+            health = self._beats.wait(60)
+            assert health is not None, "the camera does not beat"
+            if health.process == "camera":
+                return health.counters.get(name, 0)
+
     def beat(self, pid: int = 1, received: int = 0) -> None:
         """Heartbeats of everybody that the camera waits for, with the frames that they have received."""
         counts = {topics.FRAME.name: TopicCounts(received=received)}

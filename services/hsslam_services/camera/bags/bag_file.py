@@ -6,7 +6,7 @@ from collections.abc import Collection, Generator, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import STORAGE_FAILS, UserError
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.reports import Report, Reports
 from hsslam_node.user_path import user_path
@@ -180,12 +180,17 @@ class BagFile:
 
     @contextlib.contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn each error of rosbags into a `UserError`: damaged bytes raise many kinds of errors."""
+        """Turn each error of rosbags into a `UserError`: damaged bytes raise many kinds of errors.
+
+        A lack of memory and a disk that fails are raised as they are: they may pass.
+        """
         try:
             yield
         except (UserError, MemoryError):
             raise
         except Exception as error:
+            if isinstance(error, OSError) and error.errno in STORAGE_FAILS:
+                raise
             reason = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
             raise UserError(
                 f"source {self.name}: cannot be read: {reason}: expected a whole bag of ROS 1 or ROS 2"
