@@ -222,5 +222,5 @@ def test_compressed_messages_need_the_folder_that_says_so(kind: str, room, tmp_p
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive.db3"])
 def test_a_bag_on_a_disk_that_fails_is_one_line(tmp_path: Path, name: str):
     (tmp_path / name).symlink_to("/proc/self/mem")  # its first byte is an input/output error
-    with pytest.raises(UserError, match="Input/output error|disk I/O error"):
+    with pytest.raises(UserError, match=r"Input/output error|disk I/O error"):
         opened(tmp_path / name)
