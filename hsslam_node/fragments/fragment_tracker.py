@@ -130,8 +130,7 @@ class FragmentTracker:
     def _in_fragment(self, fragment: Fragment, frame: Frame, view: MapView | None) -> TrackResult:
         assert self._search is not None
         again, self._torn = self._torn, None
-        is_again = again is not None and again[0] is frame
-        result = again[1] if again is not None and is_again else fragment.track(frame)
+        result = again[1] if again and again[0] is frame else fragment.track(frame)
         if result.status == "lost":
             self._search.collect()  # `Relocalisation` takes one call at a time
             self._give_up_joining()

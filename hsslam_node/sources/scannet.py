@@ -14,7 +14,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
     BadImageError,
-    UnreadImageError,
+    DiskFailures,
     decode_color,
     read_any_color,
     read_any_depth,
@@ -206,16 +206,12 @@ def _size(files: Iterable[Path], read: Callable[[Path], np.ndarray]) -> tuple[in
     Raises:
         UserError: the disk fails twice.
     """
-    has_failed = False
+    failures = DiskFailures()
     for file in files:
         try:
             height, width = read(file).shape[:2]
-        except UnreadImageError as error:
-            if has_failed:
-                raise UserError(f"{error}: expected a disk that can be read") from None
-            has_failed = True
-        except BadImageError:
-            continue
+        except BadImageError as error:
+            failures.take(error)
         else:
             return width, height
     return None

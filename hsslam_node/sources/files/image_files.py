@@ -1,13 +1,12 @@
 """Colour and depth images from files, on the real-time path: one read, one decode, no copy."""
 
 import errno
-import itertools
 import time
 from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.errors import STORAGE_FAILS
+from hsslam_node.errors import STORAGE_FAILS, UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_decoding import decoded_as_stored, decoded_mask, decoded_rgb
 from hsslam_node.image_header import LARGEST_PIXELS, has_end, image_header
@@ -22,6 +21,25 @@ class BadImageError(Exception):
 
 class UnreadImageError(BadImageError):
     """The disk or its network fails, for seconds: the image itself may be good."""
+
+
+class DiskFailures:
+    """Ends a search for an image that can be read, if the disk fails twice: each try takes 7.5 s."""
+
+    def __init__(self) -> None:
+        self._has_failed = False
+
+    def take(self, error: BadImageError) -> None:
+        """Take in why an image cannot be read.
+
+        Raises:
+            UserError: the disk fails for the second time.
+        """
+        if not isinstance(error, UnreadImageError):
+            return
+        if self._has_failed:
+            raise UserError(f"{error}: expected a disk that can be read") from None
+        self._has_failed = True
 
 
 def read_color(path: Path, camera: Camera) -> np.ndarray:
@@ -106,17 +124,20 @@ def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = N
 
 def _read(path: Path) -> bytes:
     """The content of a file; tries again for 7.5 s if the disk or its network fails."""
-    for wait_s in itertools.chain(_WAITS_S, (None,)):
+    for wait_s in _WAITS_S:
         try:
-            return path.read_bytes()
-        except OSError as error:
-            reason = f"{path}: {error.strerror or 'cannot be read'}"
-            if error.errno not in _MAY_PASS:
-                raise BadImageError(reason) from None
-            if wait_s is None:
-                raise UnreadImageError(reason) from None
+            return _read_once(path)
+        except UnreadImageError:
             time.sleep(wait_s)
-    raise AssertionError
+    return _read_once(path)
+
+
+def _read_once(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        kind = UnreadImageError if error.errno in _MAY_PASS else BadImageError
+        raise kind(f"{path}: {error.strerror or 'cannot be read'}") from None
 
 
 def _expect_whole(data: bytes | np.ndarray, name: str, camera: Camera | None) -> None:

@@ -11,6 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
     BadImageError,
+    DiskFailures,
     UnreadImageError,
     read_any_color,
     read_any_depth,
@@ -122,17 +123,13 @@ def first_size_px(source: str, pairs: Sequence[ImagePair]) -> tuple[int, int]:
         UserError: none of the first 30 can; the fault of the first pair. Or the disk fails twice.
     """
     problem: UserError | None = None
-    has_failed = False
+    failures = DiskFailures()
     for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
         try:
             height, width = read_any_color(color_file).shape[:2]
             depth_height, depth_width = read_any_depth(depth_file).shape
         except BadImageError as error:
-            if isinstance(error, UnreadImageError) and has_failed:
-                raise UserError(
-                    f"source {source}: {error}: expected a disk that can be read"
-                ) from None
-            has_failed |= isinstance(error, UnreadImageError)
+            failures.take(error)
             problem = problem or UserError(f"source {source}: first frame: {error}")
             continue
         if (depth_width, depth_height) == (width, height):

@@ -128,9 +128,10 @@ class ReferenceAligner:
             alignment, T_world_cam, frame, self._store, self._config
         )
 
-    def refer_to(self, keyframe: int) -> None:
-        """Align to a keyframe of the store."""
-        self.reference = Reference(stored_reference(self._store, keyframe, self._config))
+    def refer_to(self, keyframe: int, *, is_at_place: bool = False) -> None:
+        """Align to a keyframe of the store; `is_at_place`: as in `Reference`."""
+        stored = stored_reference(self._store, keyframe, self._config)
+        self.reference = Reference(stored, is_at_place=is_at_place)
 
     def refer_to_new(self, k: int, frame: Frame, levels: tuple[PyramidLevel, ...]) -> None:
         """Align to a frame that has just become keyframe k."""
@@ -142,8 +143,7 @@ class ReferenceAligner:
         if k != self.keyframe:
             is_at_place = self.reference is not None and self.reference.is_at_place
             with contextlib.suppress(RetiredKeyframeError):  # meanwhile: the reference stays
-                keyframe = stored_reference(self._store, k, self._config)
-                self.reference = Reference(keyframe, is_at_place=is_at_place)
+                self.refer_to(k, is_at_place=is_at_place)
 
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
         """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""

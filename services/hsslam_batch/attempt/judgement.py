@@ -66,8 +66,8 @@ def judged(
 
 
 def kind_of_error(text: str) -> Kind:
-    """ "crash" if the machine lacks memory, room, threads or files, or its disk or network fails: the log is
-    tried again. Else "bad input"."""
+    """The kind of a failure by its text: a crash, which is tried again, if the machine lacks memory, room,
+    threads or files, or if its disk or network fails; else bad input."""
     return "crash" if any(of_machine in text for of_machine in _OF_THE_MACHINE) else "bad input"
 
 
