@@ -3,9 +3,10 @@
 python .ci/resolve.py UV
 
 For Python 3.11 to 3.14, x86-64 and aarch64, with `dev`, with `ros2` and with `batch`, which all hold what
-the base install needs: with the locks and torch.txt, as `make run`, `make test` and the images install; for
-the oldest and the newest Python also without them, as `pip install .` does. Wheels alone: nothing may need
-a compiler. The settings of pip and uv are ignored. Ends with 1 and every combination that fails.
+the base install needs: with the locks, and PyTorch with CUDA, as `make run`, `make test` and the images
+install; for the oldest and the newest Python also without them, as `pip install .` does. Wheels alone:
+nothing may need a compiler. The settings of pip and uv are ignored. Ends with 1 and every combination that
+fails.
 """
 
 import itertools
@@ -50,7 +51,7 @@ def _trouble(uv: str, python: str, machine: str, kind: str, way: str) -> str | N
     inputs = ["pyproject.toml", "--extra", kind]
     if way == "locked":
         locks = (kind,) if kind == "dev" else ("base", kind)
-        inputs += ["requirements/torch.txt", *(f"requirements/{lock}.lock" for lock in locks)]
+        inputs += ["requirements/torch_cuda.lock", *(f"requirements/{lock}.lock" for lock in locks)]
     platform = f"{machine}-manylinux_{_GLIBC[kind]}"
     done = resolve(
         uv, *inputs, "--python-version", python, "--python-platform", platform,

@@ -4,7 +4,8 @@ python requirements/install.py [--venv FOLDER] [--dev] [--ros2] [--editable] [PR
 
 `make run`, `make test` and the images use it. uv does the work if it is on PATH, else pip.
 TORCH=cpu|cuda decides which PyTorch; else a machine with a CUDA driver that it can use gets that of PyPI,
-any other PyTorch's CPU wheel. TORCH_INDEX=URL names a mirror of PyTorch's index of CPU wheels.
+any other PyTorch's CPU wheel. TORCH_INDEX=URL names a mirror of PyTorch's index of CPU wheels. Every
+package must have one of the hashes in its lock, wherever it comes from.
 
 It stands beside the locks, as nothing of it is needed after installation, and wants no package.
 """
@@ -25,7 +26,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LOCKS = ROOT / "requirements"
-CPU_INDEX = "https://download.pytorch.org/whl/cpu"
+sys.path.insert(0, str(LOCKS))
+
+from torch_index import CPU_INDEX  # noqa: E402
 
 _ANSWER_WITHIN_S = 5.0
 _OLDEST, _NEWEST = (3, 11), (3, 14)
@@ -71,10 +74,11 @@ def wanted_torch(environment: dict[str, str] | os._Environ[str]) -> str:
     return wish
 
 
-def install_torch(tool: list[str], wish: str, venv: Path) -> None:
-    """The pinned PyTorch, of the build that the wish or the machine asks for; in place: left alone."""
-    pinned = torch_requirement()
-    release = pinned.partition("==")[2]
+def install_torch(tool: list[str], wish: str, venv: Path, locks: Path = LOCKS) -> None:
+    """PyTorch and what only it brings, of the build that the wish or the machine asks for, from the folder
+    with torch_cpu.lock and torch_cuda.lock; in place: left alone.
+    """
+    release = torch_requirement().partition("==")[2]
     installed = _installed_torch()
     if installed and installed.partition("+")[0] == release:
         build = "cpu" if installed.endswith("+cpu") else "cuda"
@@ -84,20 +88,33 @@ def install_torch(tool: list[str], wish: str, venv: Path) -> None:
             )
         return
     build, reason = choose_torch(wish)
+    locked = ["--no-deps", "--require-hashes", "--requirement"]  # base.lock has the rest
+    with_cuda = [*locked, str(locks / "torch_cuda.lock")]
     if build == "cuda":
         _echo(f"PyTorch {release} with CUDA, as {reason}")
-        _run([*tool, f"torch==={release}"])  # === leaves out builds such as 2.13.0+cpu
+        _run([*tool, *with_cuda])
         return
     index = os.environ.get("TORCH_INDEX") or CPU_INDEX
     _echo(f"PyTorch {release} for the CPU, as {reason}")
+    for_cpu = [*locked, str(locks / "torch_cpu.lock")]
     trouble = why_unreachable(index)
     if trouble is None:
-        option = "--index-url" if tool is _PIP else "--default-index"
-        if not _failed([*tool, option, index, pinned]):
+        if not _failed([*tool, *_also_from(tool, index), *for_cpu]):
             return
         trouble = "the installation from there failed"
-    _echo(f"{index}: {trouble}: takes what pip finds, from PyPI the build with CUDA, 2.5 GB more")
-    _run([*_pip(tool), pinned])
+    _echo(
+        f"{index}: {trouble}: takes the wheel for the CPU that pip's settings find, or else the build with "
+        "CUDA, 2.5 GB more"
+    )
+    if _failed([*_pip(tool), *for_cpu], is_quiet=True):
+        _run([*tool, *with_cuda])
+
+
+def _also_from(tool: list[str], index: str) -> list[str]:
+    """Options that add an index to the one of PyPI; the hashes decide which of them has a package."""
+    if tool is _PIP:
+        return ["--extra-index-url", index]
+    return ["--index", index, "--index-strategy", "unsafe-best-match"]
 
 
 def torch_requirement() -> str:
@@ -213,8 +230,8 @@ def _installed_torch() -> str | None:
         return None
 
 
-def _failed(command: list[str]) -> bool:
-    return subprocess.run(command, check=False).returncode != 0
+def _failed(command: list[str], is_quiet: bool = False) -> bool:
+    return subprocess.run(command, check=False, capture_output=is_quiet).returncode != 0
 
 
 def _run(command: list[str]) -> None:

@@ -1,12 +1,17 @@
-"""Writes base.lock, dev.lock, ros2.lock and batch.lock, or checks that they fit
-pyproject.toml, torch.txt and batch_image.txt.
+"""Writes the locks, or checks that they fit pyproject.toml, torch.txt and batch_image.txt.
 
 python requirements/lock.py UV [--check | --upgrade]
 
-A lock holds everything but PyTorch and what only PyTorch brings, with hashes, for every platform and
-Python 3.11 or newer. ros2.lock holds what the extra ros2 adds to base.lock; batch.lock what the extra batch
-and batch_image.txt add. Pins stay as they are until --upgrade. The settings of pip and uv are ignored: the
-packages are those of PyPI, as everybody gets them.
+A lock lists packages with versions and hashes, for every platform and Python 3.11 or newer:
+
+- base.lock and dev.lock: everything but PyTorch and what only PyTorch brings
+- ros2.lock: what the extra ros2 adds to base.lock
+- batch.lock: what the extra batch and batch_image.txt add to base.lock
+- torch_cuda.lock and torch_cpu.lock: PyTorch, in one of its builds, and what it adds to base.lock
+
+Pins stay as they are until --upgrade. The settings of pip and uv are ignored: the packages are those of
+PyPI, as everybody gets them. PyPI lacks PyTorch's wheels for the CPU; their hashes are read from PyTorch's
+index when torch.txt has another version.
 """
 
 import argparse
@@ -15,7 +20,10 @@ import re
 import subprocess
 import sys
 import tempfile
+import urllib.request
 from pathlib import Path
+
+from torch_index import CPU_INDEX, cpu_wheels
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path("requirements")  # relative, as the locks name their sources
@@ -32,6 +40,12 @@ _HEADER = """\
 """
 _FROM = "pyproject.toml and torch.txt"
 _ALL = "Everything but PyTorch and what only PyTorch brings."
+_TORCH = FOLDER / "torch.txt"
+_BUILDS = {
+    "torch_cuda.lock": "PyTorch with CUDA, from PyPI, and what it adds to base.lock.",
+    "torch_cpu.lock": "PyTorch for the CPU, from its own index, and what it adds to base.lock.",
+}
+_OF_CUDA = re.compile(r"^((?:nvidia|cuda)-[\w.-]+|triton)==", re.MULTILINE)
 _ADDED = {  # to base.lock
     "ros2.lock": "What the extra ros2 adds to base.lock.",
     "batch.lock": "What the extra batch and batch_image.txt add to base.lock.",
@@ -101,7 +115,48 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
                 _FROM if name != "batch.lock" else "pyproject.toml, torch.txt and batch_image.txt"
             )
             texts[name] = _HEADER.format(origin, _ADDED.get(name, _ALL)) + "".join(kept)
+        without.write_text("\n".join(_names(texts["base.lock"])))
+        texts |= _locked_torch(uv, everything, without)
     return texts
+
+
+def _locked_torch(uv: str, constraints: Path, without: Path) -> dict[str, str]:
+    """The text of the two locks of PyTorch; `without` names what base.lock has."""
+    texts = {}
+    for name in _BUILDS:
+        target = constraints.with_name(name)
+        old = ROOT / FOLDER / name
+        target.write_text(old.read_text().replace("+cpu", "") if old.exists() else "")
+        _compile(
+            uv, "--universal", "--python-version", "3.11", str(_TORCH), "--generate-hashes",
+            "--no-header", "--no-annotate", "--excludes", str(without), "--constraints",
+            str(constraints), "--output-file", str(target),
+        )  # fmt: skip
+        texts[name] = target.read_text()
+        without.write_text("\n".join([without.read_text(), *_OF_CUDA.findall(texts[name])]))
+    # `===` leaves out builds such as 2.13.0+cpu, which would count as newer
+    pypi = re.compile(r"^torch==([\w.]+) \\\n(?:    --hash=\S+(?: \\)?\n)+", re.MULTILINE)
+    texts["torch_cuda.lock"] = re.sub(r"(?m)^torch==", "torch===", texts["torch_cuda.lock"])
+    (version,) = pypi.findall(texts["torch_cpu.lock"])
+    texts["torch_cpu.lock"] = pypi.sub(lambda _: _cpu_entry(version), texts["torch_cpu.lock"])
+    return {name: _HEADER.format("torch.txt", _BUILDS[name]) + text for name, text in texts.items()}
+
+
+def _cpu_entry(version: str) -> str:
+    """The lines on torch in torch_cpu.lock: the present ones if they have this version."""
+    path = ROOT / FOLDER / "torch_cpu.lock"
+    begin = f"torch=={version}+cpu \\\n"
+    if path.exists() and begin in path.read_text():
+        after = path.read_text().partition(begin)[2]
+        hashes = re.match(r"(?:    --hash=\S+(?: \\)?\n)+", after)
+        return begin + hashes[0] if hashes else begin
+    page = f"{CPU_INDEX}/torch/"
+    try:
+        with urllib.request.urlopen(page, timeout=30) as answer:
+            wheels = cpu_wheels(answer.read().decode(), version)
+    except (OSError, ValueError) as error:
+        sys.exit(f"torch_cpu.lock: the hashes of torch {version}+cpu are read from {page}: {error}")
+    return begin + " \\\n".join(f"    --hash=sha256:{digest}" for digest in wheels) + "\n"
 
 
 def _names(lock: str) -> list[str]:

@@ -44,6 +44,13 @@ def test_an_image_compiles_kernels_and_runs_as_a_user(file):
             assert (ROOT / used).is_file()
 
 
+def test_the_base_image_is_one_and_pinned_by_its_digest():
+    bases = {value for file in _FILES for name, value in _instructions(file) if name == "ARG"}
+    (base,) = bases
+    assert re.fullmatch(r"PYTHON=python:3\.11\.\d+-slim-\w+@sha256:[0-9a-f]{64}", base)
+    assert all(("FROM", "${PYTHON}") in _instructions(file) for file in _FILES)
+
+
 @pytest.mark.parametrize("file", _FILES)
 def test_the_example_in_an_image_s_head_is_a_command_line_of_ours(file):
     text = (_DOCKER / file).read_text()

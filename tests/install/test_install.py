@@ -2,6 +2,7 @@
 
 import _json
 import functools
+import hashlib
 import http.server
 import os
 import shutil
@@ -32,37 +33,55 @@ import os, sys
 from pathlib import Path
 sys.path.insert(0, {str(ROOT)!r})
 from requirements.install import _tool, install_torch, wanted_torch
-install_torch(_tool(), wanted_torch(os.environ), Path(sys.prefix))
+install_torch(_tool(), wanted_torch(os.environ), Path(sys.prefix), Path(sys.argv[1]))
 """
 
 
-def _wheel(folder: Path, version: str) -> None:
-    """An empty package torch of a version, as a wheel."""
+def _wheel(folder: Path, name: str, version: str, content: str = "") -> str:
+    """An empty package of a version, as a wheel; its SHA-256."""
+    folder = folder / name
     folder.mkdir(parents=True, exist_ok=True)
-    info = f"torch-{version}.dist-info"
-    with zipfile.ZipFile(folder / f"torch-{version}-py3-none-any.whl", "w") as wheel:
-        wheel.writestr("torch/__init__.py", "")
-        wheel.writestr(
-            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: torch\nVersion: {version}\n"
-        )
-        wheel.writestr(
-            f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
-        wheel.writestr(f"{info}/RECORD", f"{info}/METADATA,,\n{info}/RECORD,,\n")
+    info = f"{name}-{version}.dist-info"
+    path = folder / f"{name}-{version}-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as wheel:
+        wheel.writestr(zipfile.ZipInfo(f"{name}/__init__.py"), content)
+        for file, text in (
+            ("METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"),
+            ("WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"),
+            ("RECORD", f"{info}/METADATA,,\n{info}/RECORD,,\n"),
+        ):
+            wheel.writestr(zipfile.ZipInfo(f"{info}/{file}"), text)
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @pytest.fixture(scope="module")
-def indexes(tmp_path_factory) -> Iterator[str]:
-    """The address of two package indexes: `/pypi`, that also has a CPU wheel, and `/cpu`."""
+def served(tmp_path_factory) -> Iterator[tuple[str, Path]]:
+    """The address of package indexes, and the folder of the locks that fit them.
+
+    `/pypi` also has a CPU wheel, and a newer sympy than `/cpu`; `/cuda` has none; `/forged` has another wheel
+    of the same version.
+    """
     folder = tmp_path_factory.mktemp("indexes")
-    _wheel(folder / "pypi" / "torch", _RELEASE)
-    _wheel(folder / "pypi" / "torch", f"{_RELEASE}+cpu")
-    _wheel(folder / "cpu" / "torch", f"{_RELEASE}+cpu")
+    needed = _wheel(folder / "pypi", "sympy", "1.14.0")
+    _wheel(folder / "cpu", "sympy", "1.13.3")
+    build = _wheel(folder / "pypi", "torch", _RELEASE)
+    cpu_build = _wheel(folder / "pypi", "torch", f"{_RELEASE}+cpu")
+    assert _wheel(folder / "cpu", "torch", f"{_RELEASE}+cpu") == cpu_build
+    assert _wheel(folder / "forged", "torch", f"{_RELEASE}+cpu", "import os") != cpu_build
     (folder / "empty" / "torch").mkdir(parents=True)
+    _wheel(folder / "cuda", "torch", _RELEASE)
+    _wheel(folder / "cuda", "sympy", "1.14.0")
+    also = f"sympy==1.14.0 --hash=sha256:{needed}\n"
+    lines = {
+        "torch_cuda.lock": f"torch==={_RELEASE} --hash=sha256:{build}\n",
+        "torch_cpu.lock": f"torch=={_RELEASE}+cpu --hash=sha256:{cpu_build}\n",
+    }
+    for name, line in lines.items():
+        (folder / name).write_text(line + also)
     handler = functools.partial(_Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
+        yield f"http://127.0.0.1:{server.server_port}", folder
         server.shutdown()
 
 
@@ -78,8 +97,9 @@ def fresh(tmp_path_factory) -> Path:
 def environment(fresh: Path) -> Iterator[Path]:
     """The environment without PyTorch."""
     yield fresh
-    for left in fresh.glob("lib/python*/site-packages/torch*"):
-        shutil.rmtree(left)
+    for name in ("torch", "sympy"):
+        for left in fresh.glob(f"lib/python*/site-packages/{name}*"):
+            shutil.rmtree(left)
 
 
 @pytest.fixture(params=["pip", "uv"])
@@ -104,8 +124,11 @@ def _refusing() -> str:
         return f"http://127.0.0.1:{server.getsockname()[1]}"
 
 
-def _install(environment: Path, indexes: str, path: str, **settings: str) -> tuple[int, list[str]]:
+def _install(
+    environment: Path, served: tuple[str, Path], path: str, **settings: str
+) -> tuple[int, list[str]]:
     """Exit code and lines of the installer's step for PyTorch, with `/pypi` in PyPI's place."""
+    indexes, locks = served
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "UV_", "TORCH"))}
     ours = {
         "PIP_CONFIG_FILE": os.devnull,
@@ -116,7 +139,7 @@ def _install(environment: Path, indexes: str, path: str, **settings: str) -> tup
         "PATH": path,
     }
     done = subprocess.run(
-        [environment / "bin" / "python", "-c", _INSTALL_TORCH],
+        [environment / "bin" / "python", "-c", _INSTALL_TORCH, locks],
         env=kept | ours | settings,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -126,27 +149,28 @@ def _install(environment: Path, indexes: str, path: str, **settings: str) -> tup
     return done.returncode, done.stdout.splitlines()
 
 
-def _version(environment: Path) -> str:
-    (info,) = environment.glob("lib/python*/site-packages/torch-*.dist-info")
-    return info.name.removeprefix("torch-").removesuffix(".dist-info")
+def _version(environment: Path, name: str = "torch") -> str:
+    (info,) = environment.glob(f"lib/python*/site-packages/{name}-*.dist-info")
+    return info.name.removeprefix(f"{name}-").removesuffix(".dist-info")
 
 
-def test_cpu_takes_the_wheel_of_pytorch_s_index(environment, indexes, tool_path):
-    code, lines = _install(environment, indexes, tool_path, TORCH="cpu")
+def test_cpu_takes_the_wheel_of_pytorch_s_index(environment, served, tool_path):
+    code, lines = _install(environment, served, tool_path, TORCH="cpu")
     assert (code, lines) == (0, [f"install: PyTorch {_RELEASE} for the CPU, as TORCH=cpu is set"])
     assert _version(environment) == f"{_RELEASE}+cpu"
+    assert _version(environment, "sympy") == "1.14.0"  # which that index does not have
 
 
 def test_cuda_takes_the_build_of_pypi_though_a_cpu_wheel_counts_as_newer(
-    environment, indexes, tool_path
+    environment, served, tool_path
 ):
-    code, lines = _install(environment, indexes, tool_path, TORCH="cuda")
+    code, lines = _install(environment, served, tool_path, TORCH="cuda")
     assert (code, lines) == (0, [f"install: PyTorch {_RELEASE} with CUDA, as TORCH=cuda is set"])
     assert _version(environment) == _RELEASE
 
 
-def test_the_machine_decides_unless_a_user_does(environment, indexes, tool_path):
-    code, (line,) = _install(environment, indexes, tool_path)
+def test_the_machine_decides_unless_a_user_does(environment, served, tool_path):
+    code, (line,) = _install(environment, served, tool_path)
     assert code == 0
     is_known = bool(driver_version()) or newest_cuda() >= OLDEST_CUDA
     is_fit = has_cuda_driver() and is_known and not is_too_old(driver_version())
@@ -154,11 +178,9 @@ def test_the_machine_decides_unless_a_user_does(environment, indexes, tool_path)
     assert _version(environment) == (_RELEASE if is_fit else f"{_RELEASE}+cpu")
 
 
-def test_the_driver_s_library_makes_it_a_machine_for_cuda(
-    environment, indexes, tool_path, tmp_path
-):
+def test_the_driver_s_library_makes_it_a_machine_for_cuda(environment, served, tool_path, tmp_path):
     shutil.copy(_json.__file__, tmp_path / "libcuda.so.1")  # any library that can be loaded
-    _, (line,) = _install(environment, indexes, tool_path, LD_LIBRARY_PATH=str(tmp_path))
+    _, (line,) = _install(environment, served, tool_path, LD_LIBRARY_PATH=str(tmp_path))
     assert "this machine has a driver of unknown version" in line or "has CUDA driver" in line
 
 
@@ -195,24 +217,47 @@ def test_a_driver_that_pytorch_cannot_use_brings_no_large_download(
 
 
 @pytest.mark.parametrize("index", [_refusing, lambda: "http://no.such.host.invalid", lambda: "cpu"])
-def test_an_index_out_of_reach_costs_one_line_and_no_wait(environment, indexes, tool_path, index):
+def test_an_index_out_of_reach_costs_one_line_and_no_wait(environment, served, tool_path, index):
     began = time.monotonic()
     address = index()
-    code, lines = _install(environment, indexes, tool_path, TORCH="cpu", TORCH_INDEX=address)
+    code, lines = _install(environment, served, tool_path, TORCH="cpu", TORCH_INDEX=address)
     assert time.monotonic() - began < 20  # pip alone takes 2 s; its retries would take minutes
     assert code == 0
     assert len(lines) == 2
     assert lines[1].startswith(f"install: {address}: ")
-    assert "takes what pip finds" in lines[1]
-    assert _version(environment) == f"{_RELEASE}+cpu"  # the highest version that /pypi has
+    assert "takes the wheel for the CPU that pip's settings find, or else" in lines[1]
+    assert _version(environment) == f"{_RELEASE}+cpu"  # /pypi has one
 
 
-def test_an_index_without_the_wheel_is_as_good_as_none(environment, indexes, tool_path):
-    empty = f"{indexes}/empty"
-    code, lines = _install(environment, indexes, tool_path, TORCH="cpu", TORCH_INDEX=empty)
+def test_without_any_wheel_for_the_cpu_the_build_with_cuda_is_installed(
+    environment, served, tool_path
+):
+    indexes, _ = served
+    code, lines = _install(
+        environment, served, tool_path, TORCH="cpu", TORCH_INDEX=_refusing(),
+        PIP_INDEX_URL=f"{indexes}/cuda", UV_DEFAULT_INDEX=f"{indexes}/cuda",
+    )  # fmt: skip
+    assert code == 0 and len(lines) == 2  # nothing of pip's own
+    assert _version(environment) == _RELEASE
+
+
+def test_an_index_without_the_wheel_is_as_good_as_none(environment, served, tool_path):
+    empty = f"{served[0]}/empty"
+    code, _ = _install(environment, served, tool_path, TORCH="cpu", TORCH_INDEX=empty)
     assert code == 0
-    assert "the installation from there failed: takes what pip finds" in lines[-1]
-    assert _version(environment) == f"{_RELEASE}+cpu"
+    assert _version(environment) == f"{_RELEASE}+cpu"  # /pypi has it, too
+
+
+def test_a_wheel_with_another_hash_is_not_installed(environment, served, tool_path):
+    forged = f"{served[0]}/forged"
+    only_cuda = f"{served[0]}/empty"
+    code, lines = _install(
+        environment, served, tool_path, TORCH="cpu", TORCH_INDEX=forged,
+        PIP_INDEX_URL=only_cuda, UV_DEFAULT_INDEX=only_cuda,
+    )  # fmt: skip
+    assert code == 1
+    assert any("the installation from there failed" in line for line in lines)
+    assert not list(environment.glob("lib/python*/site-packages/torch*"))
 
 
 def test_an_index_that_never_answers_is_given_up():
@@ -223,16 +268,17 @@ def test_an_index_that_never_answers_is_given_up():
     assert reason in ("no answer within 1 s", "timed out")
 
 
-def test_an_index_that_answers_is_reached(indexes):
+def test_an_index_that_answers_is_reached(served):
+    indexes, _ = served
     assert why_unreachable(f"{indexes}/cpu/") is None
     assert why_unreachable(f"{indexes}/nothing") == "File not found"
 
 
-def test_pytorch_in_place_is_left_alone_or_named_as_the_wrong_one(environment, indexes, tool_path):
-    _install(environment, indexes, tool_path, TORCH="cpu")
-    assert _install(environment, indexes, tool_path) == (0, [])
-    assert _install(environment, indexes, tool_path, TORCH="cpu") == (0, [])
-    code, (line,) = _install(environment, indexes, tool_path, TORCH="cuda")
+def test_pytorch_in_place_is_left_alone_or_named_as_the_wrong_one(environment, served, tool_path):
+    _install(environment, served, tool_path, TORCH="cpu")
+    assert _install(environment, served, tool_path) == (0, [])
+    assert _install(environment, served, tool_path, TORCH="cpu") == (0, [])
+    code, (line,) = _install(environment, served, tool_path, TORCH="cuda")
     assert code == 1
     assert line.startswith(
         f"install: TORCH=cuda: {environment} holds PyTorch {_RELEASE}+cpu: remove"
