@@ -4,14 +4,13 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
 from hsslam_node.map.memory_order import FENCE, load_ordered, store_ordered
-
-_LONGEST_S = 2e-6
 
 _ARRAYS = """
 import os, sys, time
@@ -125,13 +124,13 @@ def test_two_processes_at_full_speed_tear_nothing(tmp_path):
     assert newest > 0
 
 
-def test_a_counter_costs_less_than_two_microseconds():
+def test_a_counter_costs_little_more_than_its_number():
     words = np.zeros(16, np.int64)
     store_ordered(words, 3, 5)
     assert load_ordered(words, 3) == 5
-    best_s = min(_seconds_each(words) for _ in range(5))
-    print(f"load and store: {1e9 * best_s:.0f} ns")
-    assert best_s < 2 * _LONGEST_S
+    # in turn, as other programs slow both
+    shares = [_seconds_each(_ordered, words) / _seconds_each(_plain, words) for _ in range(20)]
+    assert min(shares) < 10
 
 
 @pytest.mark.parametrize(
@@ -145,12 +144,21 @@ def test_the_fence_is_one_on_each_processor(processor, instructions):
     assert re.search(instructions, machine.emit_assembly(llvm.parse_assembly(FENCE)))
 
 
-def _seconds_each(words: np.ndarray, count: int = 2000) -> float:
+def _ordered(words: np.ndarray, value: int) -> None:
+    store_ordered(words, 3, value)
+    load_ordered(words, 3)
+
+
+def _plain(words: np.ndarray, value: int) -> None:
+    words[3] = value
+    int(words[3])
+
+
+def _seconds_each(access: Callable[[np.ndarray, int], None], words: np.ndarray) -> float:
     begin_s = time.perf_counter()
-    for value in range(count):
-        store_ordered(words, 3, value)
-        load_ordered(words, 3)
-    return (time.perf_counter() - begin_s) / count
+    for value in range(500):
+        access(words, value)
+    return time.perf_counter() - begin_s
 
 
 def _process(code: str, folder, seconds: int = 3) -> subprocess.Popen[str]:
