@@ -1,4 +1,4 @@
-"""Rests are read from what the pace asks an event to wait: their length does not depend on the machine's load."""
+"""Rests are what the pace asks an event to wait, so that the load of the machine does not change them."""
 
 import threading
 import time
