@@ -48,6 +48,22 @@ def test_what_the_first_frames_did_not_see_does_not_count(room, tmp_path):
     assert whole > 0.999 and without < alone <= whole
 
 
+def test_what_another_run_lacks_is_left_out_of_a_comparison(room, tmp_path):
+    """The second run has the part near the first camera, exact; the first also has the rest, 2 cm off."""
+    centroids = room.mesh.triangles_center
+    is_near = np.linalg.norm(centroids - room.truth.T_world_cam[0, :3, 3], axis=1) < 2.0
+    part = trimesh.Trimesh(room.mesh.vertices, room.mesh.faces[is_near], process=False)
+    far = trimesh.Trimesh(room.mesh.vertices, room.mesh.faces[~is_near], process=False)
+    far.vertices = far.vertices - 0.02 * far.vertex_normals
+    folders = [tmp_path / name for name in ("first", "second")]
+    for folder, mesh in zip(folders, (trimesh.util.concatenate([part, far]), part), strict=True):
+        folder.mkdir()
+        _run_with(folder, room, mesh)
+    whole = score_first_room(room, folders[0])
+    same = score_first_room(room, *folders)
+    assert whole.accuracy_mean_m > 3 * same.accuracy_mean_m
+
+
 def test_a_source_without_a_true_mesh_is_refused(test_data):
     with pytest.raises(ValueError, match="expected a source with a true mesh"):
         first_room(f"tum:{test_data / 'livingroom'}", 20)
