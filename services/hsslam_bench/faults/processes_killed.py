@@ -44,6 +44,11 @@ class KillTally:
     map_version: int = 0  # newest
     back: int = 0  # poses on an older map than a pose before them
 
+    def note(self, map_version: int) -> None:
+        """Note the map of a pose; 0: it was aligned without one, as at load levels 5 and 6."""
+        self.back += 0 < map_version < self.map_version
+        self.map_version = max(self.map_version, map_version)
+
     def failed(self) -> bool:
         """Whether a pose came too late, was wrong, or was on an older map."""
         return bool(self.slow) or self.wrong > 0 or self.back > 0
@@ -104,8 +109,7 @@ def kill_in_turn(
                     continue
                 off_m = float(np.linalg.norm(np.subtract(pose.t, truth[pose.index])))
                 tally.worst_m = max(tally.worst_m, off_m)
-                tally.back += pose.map_version < tally.map_version
-                tally.map_version = max(tally.map_version, pose.map_version)
+                tally.note(pose.map_version)
                 tally.wrong += off_m > _FOUND_M
                 if found_s is None and _is_after(pose, killed_ns) and off_m <= _FOUND_M:
                     found_s = time.monotonic() - begin_s
