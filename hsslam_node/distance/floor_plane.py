@@ -38,6 +38,7 @@ class FloorPlane:
     up: tuple[float, float, float]  # unit length, world
     height_m: float  # along `up`, of the floor over the world's origin; negative below it
     source: UpSource
+    is_seen: bool = True  # else `height_m` is that of the lowest points that were measured
     # a frame whose z is `up`, [4, 4], which the floor's keeps but for its height
     T_level_world: np.ndarray | None = field(default=None, compare=False, repr=False)
 
@@ -54,7 +55,10 @@ class FloorPlane:
     def text(self) -> str:
         """Direction up, its source, and the height of the floor, for people."""
         up = f"direction up by {self.source}: {self.up_text}"
-        return f"{up}; the floor at {self.height_m:.2f} m along it"
+        at = f"at {self.height_m:.2f} m along it"
+        if self.is_seen:
+            return f"{up}; the floor {at}"
+        return f"{up}; no floor seen: the lowest measured points, {at}, stand for it"
 
     def tilt_against(self, seen: "FloorPlane") -> str | None:
         """For people: that `up` is not the direction up of a floor that was seen; None: it is, or the floor
@@ -220,7 +224,7 @@ def _below(
     on_floor = _floor_points(points, normals, poses, up)
     if on_floor is not None:
         return FloorPlane(_triple(up), float(np.median(points[on_floor] @ up)), source)
-    return FloorPlane(_triple(up), float(np.quantile(points @ up, 0.01)), source)
+    return FloorPlane(_triple(up), float(np.quantile(points @ up, 0.01)), source, is_seen=False)
 
 
 def _direction(vector: np.ndarray) -> np.ndarray:

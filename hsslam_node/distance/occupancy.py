@@ -114,6 +114,19 @@ class Occupancy:
         self._evidence[place], self._surface[place] = evidence, surface
         self.grid, self._touched, self._states = grid, None, None
 
+    def fill_from(self, other: "Occupancy") -> None:
+        """Take over what another one of the same grid knows about voxels without any evidence here.
+
+        Raises:
+            ValueError: it has another grid.
+        """
+        if other.grid != self.grid:
+            raise ValueError(f"{other.grid} is not {self.grid}")
+        is_empty = self._evidence == 0
+        np.copyto(self._evidence, other._evidence, where=is_empty)
+        np.copyto(self._surface, other._surface, where=is_empty[..., None])
+        self._states = None
+
     def states(self) -> np.ndarray:
         """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8; not to be written to."""
         if self._states is None:

@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
 from hsslam_node.distance.floor_plane import FloorPlane, floor_by
 from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.spread_views import spread_views
 from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, transformed
@@ -20,7 +21,9 @@ _BELOW = 0.05  # of the height, below the floor
 _WIDTH_PX = 320  # of the pixels looked at, at least
 _STOREY_M = 2.5  # between floors, at least
 _FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
-_MOST_KEYFRAMES = 64  # that a window is marked from anew; 0.3 s
+_MOST_KEYFRAMES = 64  # that a window is marked from at once; 0.3 s
+_NEWEST_KEYFRAMES = 24  # of these: 3 s at 30 Hz, as the newest views of a place count
+_JOINED = 8  # keyframes that come between two updates have joined with a fragment
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
 _RECENT_FRAMES = 10  # that are marked anew: one second, and more than clear or mark a voxel; 12 MB
@@ -41,8 +44,9 @@ class RollingWindow:
 
     Frames are marked at the poses that they have when they come. If keyframes that they were tracked from
     have since been moved by half a voxel, or the floor turns out to be elsewhere, the window is marked anew
-    from the newest keyframes that are kept and stand in it, and from the newest frames, in the order in which
-    they came. Marks outside the window are forgotten.
+    from keyframes that are kept and stand in it, the newest and others that look at different places, and
+    from the newest frames, in the order in which they came. Marks outside the window are forgotten. What the
+    window comes to again, as it moves, is filled from the keyframes that stand there.
 
     Args:
         store: keyframes, in the world of the poses; one or more when a frame is taken. The window keeps their
@@ -67,6 +71,8 @@ class RollingWindow:
         self._marked_version = -1  # of the poses that it was last marked anew at
         self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
         self._recent: deque[_SeenFrame] = deque(maxlen=_RECENT_FRAMES)
+        self._count = 0  # of keyframes at the last frame
+        self._included: set[int] = set()  # ids of keyframes whose views the window has
         self.floor: FloorPlane | None = None
         # for people, if gravity or the floor contradicts the level frame
         self.tilt: str | None = None
@@ -96,7 +102,13 @@ class RollingWindow:
         if occupancy is None or has_new_floor or self._keyframes_moved():
             occupancy = self._marked_anew(T_world_cam)
         else:
-            occupancy.move_to(self._middle(T_world_cam))
+            came = range(self._count, self._store.count)
+            has_joined = len(came) > _JOINED
+            if not has_joined:  # frames show what these show
+                self._included.update(came)
+            if occupancy.move_to(self._middle(T_world_cam)) or has_joined:
+                self._fill(occupancy)
+        self._count = self._store.count
         if pose_version is not None and pose_version < self._marked_version:
             return occupancy
         occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
@@ -179,7 +191,9 @@ class RollingWindow:
         self._marked_at.clear()
         self._pose_version = self._marked_version = self._store.pose_version
         keyframes, recent = keyframes_of_store(self._store), deque(self._recent)
-        for k in self._within(grid, keyframes)[-_MOST_KEYFRAMES:].tolist():
+        within = self._within(grid, keyframes)
+        self._included = set(keyframes.ids[within].tolist())
+        for k in _spread(keyframes, within):
             while recent and recent[0].next_keyframe <= keyframes.ids[k]:
                 self._mark(recent.popleft(), occupancy)
             depth_m, T = keyframes.views[k]
@@ -188,6 +202,22 @@ class RollingWindow:
         for frame in recent:
             self._mark(frame, occupancy)
         return occupancy
+
+    def _fill(self, occupancy: Occupancy) -> None:
+        """Fill what is unknown from the keyframes that stand in a window and that it does not include."""
+        keyframes = keyframes_of_store(self._store)
+        within = self._within(occupancy.grid, keyframes)
+        ids = keyframes.ids[within]
+        is_new = ~np.isin(ids, np.fromiter(self._included, np.int64))
+        self._included = set(ids.tolist())
+        if not is_new.any():
+            return
+        before = Occupancy(occupancy.grid, self.T_floor_world, max_depth_m=self._max_depth_m)
+        for k in _spread(keyframes, within[is_new]):
+            depth_m, T = keyframes.views[k]
+            before.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
+            self._remember(int(keyframes.ids[k]), T)
+        occupancy.fill_from(before)
 
     def _mark(self, frame: _SeenFrame, occupancy: Occupancy) -> None:
         """Mark a recent frame where its keyframe stands now."""
@@ -217,6 +247,12 @@ class RollingWindow:
         self._marked_at.move_to_end(keyframe)
         if len(self._marked_at) > _MOST_REFERENCES:
             self._marked_at.popitem(last=False)
+
+
+def _spread(keyframes: MapKeyframes, rows: np.ndarray) -> list[int]:
+    """Of rows of keyframes, those that a window is marked from."""
+    chosen = spread_views(keyframes.T_world_cam[rows], _MOST_KEYFRAMES, _NEWEST_KEYFRAMES)
+    return rows[chosen].tolist()
 
 
 def _stride_px(camera: Camera) -> int:

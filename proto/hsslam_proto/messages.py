@@ -158,7 +158,7 @@ class Pose(Message, frozen=True, kw_only=True):
     `covariance`: of x, y, z (m) and of rotations about the fixed axes x, y, z (rad) through the camera's
     centre, along the axes of the world; the upper triangle of the 6 x 6 matrix row by row, 21 numbers. It
     describes the error against the first frame's pose, or against a saved map: on the two sequences of its
-    calibration, 95 % of the true errors lie inside its 95 % ellipsoid, on another sequence 52 %.
+    calibration, 95 % of the true errors lie inside its 95 % ellipsoid, on another sequence 50 %.
     Empty: unknown. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without the jumps of
     corrections; it begins with the run and drifts. Empty: unknown. `odometry_stands`: the motion to this
     frame is unknown, as after a gap or when a lost camera is found; `odometry` then repeats the last pose. If

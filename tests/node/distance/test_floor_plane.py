@@ -28,7 +28,7 @@ def _angle_deg(a, b):
 def test_the_floor_of_the_room_is_found(views, true_up):
     floor = find_floor(views, room_frames()[0].camera)
     up, height_m = true_up
-    assert floor.source == "floor plane"
+    assert floor.source == "floor plane" and floor.is_seen
     assert _angle_deg(floor.up, up) < 0.5
     assert abs(floor.height_m - height_m) < 0.02
 
@@ -45,6 +45,9 @@ def test_without_a_floor_up_is_as_the_cameras_are_held(camera):
     assert floor.source == "camera poses"
     assert np.allclose(floor.up, [0, -1, 0])
     assert floor.height_m == pytest.approx(-0.73, abs=0.02)  # the lowest that was seen
+    assert not floor.is_seen and floor.text.endswith(
+        f"no floor seen: the lowest measured points, at {floor.height_m:.2f} m along it, stand for it"
+    )
 
 
 def test_depth_too_far_for_a_floor_is_passed_over(camera):

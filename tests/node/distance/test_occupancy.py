@@ -218,3 +218,20 @@ def test_a_grid_that_grows_keeps_what_is_known(camera):
     np.testing.assert_array_equal(grows.surfaces(), whole.surfaces())
     with pytest.raises(ValueError, match="does not cover"):
         grows.grow_to(VoxelGrid(0.05, (-30, -36, -20), (80, 70, 100)))
+
+
+def test_what_another_one_knows_fills_only_what_is_unknown(space, camera):
+    other = Occupancy(space.grid)
+    other.observe(wall(2.02), camera, np.eye(4))
+    space.observe(wall(1.02), camera, np.eye(4))
+    alone = space.states().copy()
+    space.fill_from(other)
+    assert (space.states() == np.where(alone == UNKNOWN, other.states(), alone)).all()
+    assert (space.states() != alone).any()
+    occupied = (space.states() == OCCUPIED) & (alone == UNKNOWN)
+    assert (space.surfaces()[:, occupied] == other.surfaces()[:, occupied]).all()
+
+
+def test_another_grid_fills_nothing(space):
+    with pytest.raises(ValueError, match="is not"):
+        space.fill_from(Occupancy(VoxelGrid(0.05, (0, 0, 0), (4, 4, 4))))

@@ -26,7 +26,7 @@ _UPRIGHT = np.array(  # z up, x ahead, of a camera at a height of 1.3 m that loo
 
 
 def _store(camera) -> KeyframeStore:
-    return KeyframeStore.create(MemoryAllocator(), camera, 1000.0, 64)
+    return KeyframeStore.create(MemoryAllocator(), camera, 1000.0, 128)
 
 
 def _append(store: KeyframeStore, depth_m: np.ndarray, T_world_cam: np.ndarray) -> int:
@@ -251,3 +251,36 @@ def test_a_robot_frame_that_is_not_level_is_told_by_floor_and_gravity():
         level = _room_window(FloorPlane((x, y, z), 0.0, "--up").T_floor_world, known)
         assert level.floor is not None and level.floor.source == "--base-T-camera"
         assert level.tilt is None
+
+
+def test_a_place_that_the_window_comes_to_again_is_filled_from_its_keyframes(window, store, camera):
+    wall_of_first = (0.0, 0.0, 2.02)
+    known = window.take(wall(2.02), camera, np.eye(4), 0)
+    assert _at(known, wall_of_first) == [OCCUPIED]
+    far = _append(store, wall(2.02), _shifted(12.0))
+    known = window.take(wall(2.02), camera, _shifted(12.0), far)
+    window.take(wall(2.02), camera, _shifted(6.0), far)
+    known = window.take(np.zeros((120, 160), np.float32), camera, _shifted(2.0), far)
+    assert _at(known, wall_of_first) == [OCCUPIED]
+
+
+def test_keyframes_that_join_with_a_fragment_fill_the_window(window, store, camera):
+    window.take(wall(2.02), camera, np.eye(4), 0)
+    behind = se3_exp(np.array([0, 0, 0, 0, np.pi, 0]))
+    for _ in range(12):
+        _append(store, wall(2.02), behind)
+    known = window.take(wall(2.02), camera, np.eye(4), 0)
+    assert _at(known, (0.0, 0.0, -2.02), (0.0, 0.0, -1.0)) == [OCCUPIED, FREE]
+
+
+def test_a_correction_keeps_places_that_only_old_keyframes_show(camera):
+    """More keyframes than a window is marked from; only the first looks back."""
+    store = _store(camera)
+    behind = se3_exp(np.array([0, 0, 0, 0, np.pi, 0]))
+    _append(store, wall(1.52), behind)
+    for _ in range(100):
+        _append(store, wall(2.02), np.eye(4))
+    store.world_frame.note_level(_UPRIGHT)
+    window = RollingWindow(store)
+    known = window.take(wall(2.02), camera, np.eye(4), 100)
+    assert _at(known, (0.0, 0.0, -1.52), (0.0, 0.0, -1.0)) == [OCCUPIED, FREE]
