@@ -112,10 +112,11 @@ class DenseMap:
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, meet no surface.
 
-        Space that no keyframe saw counts as free: `is_free` tells whether all was seen. A ray that starts behind a surface must come out before it can hit one. A surface that no keyframe
-        saw, or that keyframes saw through later, is no hit: the ray passes it. A ray that meets a surface
-        that keyframes measured, and then none of the field within 10 cm, ends there, to 5 cm. A ray that
-        reaches the map after more than 10^9 m hits nothing.
+        Space that no keyframe saw counts as free: `is_free` tells whether all was seen. A ray that starts
+        behind a surface must come out before it can hit one. A surface that no keyframe saw, or that
+        keyframes saw through later, is no hit: the ray passes it. A ray that meets a surface that keyframes
+        measured, and then none of the field within 10 cm, ends there, to 5 cm. A ray that reaches the map
+        after more than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.

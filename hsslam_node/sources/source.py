@@ -50,7 +50,7 @@ class ReadsInTime(ABC):
 
 
 class SourceLostError(Exception):
-    """A live camera that gave frames is gone, perhaps for a while; the text is one line."""
+    """A source that gave frames is gone, perhaps for a while; the text is one line."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import errno
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -123,21 +124,26 @@ def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = N
 
 
 def _read(path: Path) -> bytes:
-    """The content of a file; tries again for 7.5 s if the disk or its network fails."""
-    for wait_s in _WAITS_S:
+    return read_with_patience(path.read_bytes, str(path))
+
+
+def read_with_patience(read: Callable[[], bytes], name: str) -> bytes:
+    """What `read` returns; tries again for 7.5 s if the disk or its network fails.
+
+    Raises:
+        BadImageError: it cannot be read; UnreadImageError if the disk or its network fails all the time.
+    """
+    waits_s = iter(_WAITS_S)
+    while True:
         try:
-            return _read_once(path)
-        except UnreadImageError:
-            time.sleep(wait_s)
-    return _read_once(path)
-
-
-def _read_once(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        kind = UnreadImageError if error.errno in _MAY_PASS else BadImageError
-        raise kind(f"{path}: {error.strerror or 'cannot be read'}") from None
+            return read()
+        except OSError as error:
+            may_pass = error.errno in _MAY_PASS
+            if may_pass and (wait_s := next(waits_s, None)) is not None:
+                time.sleep(wait_s)
+                continue
+            kind = UnreadImageError if may_pass else BadImageError
+            raise kind(f"{name}: {error.strerror or 'cannot be read'}") from None
 
 
 def _expect_whole(data: bytes | np.ndarray, name: str, camera: Camera | None) -> None:

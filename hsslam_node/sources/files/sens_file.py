@@ -19,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError, read_with_patience
 
 _VERSION = 4
 _JPEG, _ZLIB_USHORT = 2, 1
@@ -68,11 +68,16 @@ class SensFile:
         """The JPEG of a frame and its depth, [H, W] uint16, from the open file.
 
         Raises:
-            BadImageError: the depth cannot be decompressed, or the file was cut short meanwhile.
+            BadImageError: the depth cannot be decompressed, or the file was cut short meanwhile;
+                UnreadImageError if the disk or its network fails.
         """
         frame = self.frames[index]
-        file.seek(frame.offset)
-        data = file.read(frame.color_bytes + frame.depth_bytes)
+
+        def read() -> bytes:
+            file.seek(frame.offset)
+            return file.read(frame.color_bytes + frame.depth_bytes)
+
+        data = read_with_patience(read, f"{self.path}: frame {index}")
         width, height = self.depth_size_px
         try:
             raw = _decompressed(data[frame.color_bytes :], 2 * width * height)

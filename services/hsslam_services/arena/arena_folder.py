@@ -86,7 +86,7 @@ def remove_arrays(path: Path, is_kept: Callable[[str], bool]) -> None:
 def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
     """Remove the folders of dead owners that hold no pose; returns those that hold poses.
 
-    Ignores folders that are marked as unsaved: the user rescues them.
+    Ignores folders that wait for a rescue by the user, but not those whose watchdog died as it saved them.
     """
     left = []
     for path in _of_this_user(root):
@@ -111,7 +111,7 @@ def live_arenas(root: Path = SHM_ROOT) -> list[Path]:
 
 
 def kept_arenas(root: Path = SHM_ROOT) -> list[Path]:
-    """The folders of dead owners that are marked as unsaved; this user may rescue them."""
+    """The folders of dead owners that wait for a rescue by this user."""
     kept = []
     for path in _of_this_user(root):
         with contextlib.suppress(OSError), try_own(path) as is_dead:

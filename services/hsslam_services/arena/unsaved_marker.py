@@ -14,28 +14,35 @@ class Unsaved(NamedTuple):
 
     run_dir: Path
     artefacts: tuple[str, ...]
+    is_being_saved: bool = (
+        False  # by a process that owns the arena; if it has died, the next run saves them
+    )
 
 
-def mark_unsaved(arena_dir: Path, run_dir: Path, artefacts: Iterable[str]) -> None:
-    """Mark this arena as unsaved: only `hsslam-serve rescue` removes it.
+def mark_unsaved(
+    arena_dir: Path, run_dir: Path, artefacts: Iterable[str], *, is_being_saved: bool = False
+) -> None:
+    """Mark this arena as unsaved: unless it is being saved, only `hsslam-serve rescue` removes it.
 
     Raises:
         OSError: the arena is gone, or its memory is full.
     """
+    unsaved = Unsaved(run_dir, tuple(artefacts), is_being_saved)._asdict()
     partial = arena_dir / f"{_FILE}.partial"
-    partial.write_text(json.dumps({"run_dir": str(run_dir), "artefacts": list(artefacts)}))
+    partial.write_text(json.dumps(unsaved | {"run_dir": str(run_dir)}))
     partial.replace(arena_dir / _FILE)
 
 
 def is_marked(arena_dir: Path) -> bool:
-    """Whether the arena is marked as unsaved."""
-    return (arena_dir / _FILE).exists()
+    """Whether the arena is marked as unsaved and waits for `hsslam-serve rescue`."""
+    return (unsaved := read_unsaved(arena_dir)) is not None and not unsaved.is_being_saved
 
 
 def read_unsaved(arena_dir: Path) -> Unsaved | None:
     """The missing artefacts; None if the arena is not marked as unsaved."""
     try:
         found = json.loads((arena_dir / _FILE).read_text())
-        return Unsaved(Path(found["run_dir"]), tuple(found["artefacts"]))
+        is_being_saved = bool(found.get("is_being_saved", False))
+        return Unsaved(Path(found["run_dir"]), tuple(found["artefacts"]), is_being_saved)
     except (OSError, ValueError, KeyError):
         return None

@@ -79,7 +79,8 @@ class ReplacedResults:
         if arena_dir is not None and (unsaved := read_unsaved(arena_dir)) is not None:
             # `hsslam-serve rescue` saves there; if the memory is full, beside the run folder
             with contextlib.suppress(OSError):
-                mark_unsaved(arena_dir, kept, unsaved.artefacts)
+                is_being_saved = unsaved.is_being_saved
+                mark_unsaved(arena_dir, kept, unsaved.artefacts, is_being_saved=is_being_saved)
         return kept.name
 
     def _free_folder(self, name: str) -> Path:

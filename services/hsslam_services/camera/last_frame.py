@@ -20,8 +20,10 @@ class LastFrame:
     def wait_until_logged(self, publisher: int, index: int) -> None:
         """Wait until the recorder has logged this frame or a later one, at most `patience_s`.
 
-        The recorder reports this after the end of the source.
+        The recorder reports this after the end of the source. It does not wait for an index below 0.
         """
+        if index < 0:
+            return
         give_up_s = time.monotonic() + self._patience_s
         while time.monotonic() < give_up_s and not self._worker.is_orphan():
             step = self._steps.wait(_POLL_S)

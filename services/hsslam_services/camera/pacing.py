@@ -99,11 +99,21 @@ class Lockstep:
 
 
 class Live:
-    """Sends the frames of a live camera at once, stamped with the time of arrival."""
+    """Sends the frames of a live camera at once, stamped with the time of arrival.
+
+    `is_restarted`: frames were sent before; then it waits only for what tracking needs.
+    """
 
     def __init__(
-        self, worker: Worker, frames: Publisher, publisher: int, sensors: RobotSensors
+        self,
+        worker: Worker,
+        frames: Publisher,
+        publisher: int,
+        sensors: RobotSensors,
+        *,
+        is_restarted: bool = False,
     ) -> None:
+        self._others = () if is_restarted else OTHERS
         self._sensors = sensors
         self._worker = worker
         self._frames = frames
@@ -111,8 +121,8 @@ class Live:
         self._peers = Peers(worker.bus)
 
     def wait_for_peers(self) -> None:
-        """Wait until tracker, mapper and recorder take work."""
-        self._peers.wait(NEEDED, OTHERS, self._worker)
+        """Wait until tracker and mapper take work, and before the first frame the recorder."""
+        self._peers.wait(NEEDED, self._others, self._worker)
 
     def held(self, seconds: float) -> bool:
         """Whether there was no pause: frames during one are lost, and the camera moves on meanwhile."""

@@ -15,6 +15,7 @@ from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.map_camera import difference_from_map
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
+from hsslam_services.run.source_table import is_live
 
 MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # once it has given frames
 
@@ -22,12 +23,13 @@ MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # once it has gi
 def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> Source | None:
     """Open the run's source; None if the worker must stop first.
 
-    `had_frames`: the source has given frames in this run; retry on errors, and if the camera has other
-    intrinsics than the keyframes. `after`: number of frames that a live camera gave; `--start` is not
-    applied again, and `--frames` counts them.
+    `had_frames`: the source has given frames in this run; then a live camera is tried again on errors, and if
+    it has other intrinsics than the keyframes. `after`: number of frames that a live camera gave; `--start`
+    is not applied again, and `--frames` counts them.
 
     Raises:
         UserError: the source gave no frame yet, and cannot be opened or has another camera than a saved map.
+        SourceLostError: a recording that has given frames cannot be opened any more.
     """
     reported = ""
     for _ in worker.tries():
@@ -41,6 +43,8 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
                 return None
             if not had_frames:
                 raise
+            if not is_live(worker.options.source):  # the supervisor restarts the process some times
+                raise SourceLostError(str(error)) from error
             if str(error) != reported:
                 reported = str(error)
                 worker.event("warning", f"{reported}: the camera tries again")

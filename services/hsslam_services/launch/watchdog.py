@@ -15,7 +15,12 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owned_after_death, pose_count, remove_arena
 from hsslam_services.arena.process_registry import living_processes
-from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
+from hsslam_services.arena.unsaved_marker import (
+    ARENA_ARTEFACTS,
+    is_marked,
+    mark_unsaved,
+    read_unsaved,
+)
 from hsslam_services.bus.dead_pools import remove_unused_pools
 from hsslam_services.run.stop_signals import END_SIGNAL
 
@@ -41,7 +46,7 @@ def main() -> None:
 
 def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
     with contextlib.suppress(OSError):  # the memory is full; this process owns the arena anyway
-        mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
+        mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS, is_being_saved=True)
     for pid in living_processes(arena_dir):
         _signal(pid, END_SIGNAL)  # a process may have had no handler when its parent died
     from hsslam_services.artefacts.replaced_results import ReplacedResults  # late: saves memory
@@ -78,6 +83,9 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         update_summary(run_dir, {**log, **reason, "not_saved": {**not_saved, **lost}})
     except (UserError, OSError) as error:
         _report(f"error: {error}")
+        unsaved = read_unsaved(arena_dir)
+        with contextlib.suppress(OSError):
+            mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)
         return
     _kill(living_processes(arena_dir))
     if not not_saved:

@@ -37,6 +37,7 @@ from hsslam_services.run.camera_progress import UNREAD, CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
+_MOST_UNREAD = 4  # frames in a row that a failing disk does not give: half a minute
 _AHEAD = 15  # frames decoded in advance, for half a second of other load
 _SLOWEST_HZ = 1.0
 _BY_DISK = "skipped for a slow disk"  # counter: a part of those skipped
@@ -77,7 +78,9 @@ def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
     if is_live(options.source) and progress.next_index == options.frames:
-        _end(worker, progress, LastFrame(worker))  # the previous camera process sent all `--frames`
+        last_frame = LastFrame(worker)
+        _publish_end(worker, progress)  # the previous camera process sent all `--frames`
+        last_frame.wait_until_logged(progress.publisher, progress.last_index)
         return
     after = progress.next_index if is_live(options.source) else 0
     source = open_with_patience(worker, had_frames=progress.sent > 0, after=after)
@@ -93,7 +96,11 @@ def _run(worker: Worker) -> None:
         pace = Lockstep(worker, frames_topic, progress.publisher)
     elif is_live(options.source):
         pace = Live(
-            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options, warn)
+            worker,
+            frames_topic,
+            progress.publisher,
+            RobotSensors.heard(worker.bus, options, warn),
+            is_restarted=progress.sent > 0,
         )
     else:
         if options.rate_hz is None and source.rate_hz < _SLOWEST_HZ:
@@ -110,7 +117,7 @@ def _run(worker: Worker) -> None:
             period_s,
         )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
-    last_frame, first_bad = LastFrame(worker), ""
+    last_frame, first_bad, unread_in_row = LastFrame(worker), "", 0
     skipped = SkippedFrames(lambda text: worker.event("warning", text))
     map_epoch = mode.map_epoch
     with contextlib.closing(_items(worker, source, progress.next_index, pace)) as items:
@@ -138,11 +145,13 @@ def _run(worker: Worker) -> None:
                 if isinstance(item, UnreadFrame):
                     progress.unread += 1
                     worker.counters[UNREAD] = progress.unread
+                    unread_in_row += 1
                 first_bad = first_bad or item.reason
                 skipped.add(item)
             else:
                 _expect_order(source, item, progress.last_index)
                 pace.send(item, read.wait_ns)
+                unread_in_row = 0
                 progress.sent += 1
                 progress.last_index = item.index
                 progress.last_source_ns = item.stamp_ns
@@ -150,10 +159,16 @@ def _run(worker: Worker) -> None:
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
             worker.counters[_BY_DISK] = progress.skipped_by_wait
-    skipped.report_more()
-    if not worker.should_stop():
-        _expect_all(worker, source, progress, first_bad)
-    _end(worker, progress, last_frame)
+            if unread_in_row == _MOST_UNREAD and isinstance(item, UnreadFrame):
+                raise UserError(
+                    f"source {source.name}: {_MOST_UNREAD} frames in a row cannot be read, the last: "
+                    f"{item.reason}: expected a disk that works"
+                )
+        skipped.report_more()
+        if not worker.should_stop():
+            _expect_all(worker, source, progress, first_bad)
+        _publish_end(worker, progress)  # at once: a driver or a disk may take seconds to stop
+    last_frame.wait_until_logged(progress.publisher, progress.last_index)
 
 
 def _expect_all(worker: Worker, source: Source, progress: CameraProgress, first_bad: str) -> None:
@@ -194,8 +209,8 @@ def _expect_order(source: Source, frame: Frame, last_index: int) -> None:
         )
 
 
-def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> None:
-    """Publish the end of the source, and wait until the last frame is in the log."""
+def _publish_end(worker: Worker, progress: CameraProgress) -> None:
+    """Publish the end of the source."""
     worker.bus.publisher(topics.SOURCE_END).put(
         SourceEnd(
             frame_count=progress.sent + progress.skipped,
@@ -205,8 +220,6 @@ def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> Non
             reason="stopped" if worker.should_stop() else "end of source",
         )
     )
-    if progress.last_index >= 0:
-        last_frame.wait_until_logged(progress.publisher, progress.last_index)
 
 
 def _items(

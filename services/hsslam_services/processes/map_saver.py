@@ -6,6 +6,7 @@ Arena: reads keyframes, map
 from pathlib import Path
 
 from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.durable_file import durable_folder
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
@@ -29,7 +30,7 @@ def _run(worker: Worker) -> None:
     link = SharedMap(worker.arena, options.slam)
     checkpoint = map_snapshot(link.store(), link.parameters(), options.slam)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        durable_folder(path.parent)
     except OSError as error:
         raise UserError(f"--maps {path.parent}: {error.strerror}: expected a folder") from None
     save_checkpoint(path, checkpoint)

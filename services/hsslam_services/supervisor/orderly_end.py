@@ -134,6 +134,8 @@ class OrderlyEnd:
         """Wait until the processes of a stage have ended; those that take longer are killed."""
         self._ask_to_end(stage, within_s)
         for child in self._of_stage(stage):
+            if child.is_alive and self.signals() < 2:
+                self.report(f"{child.spec.name} does not end within {within_s:g} s: killed")
             if math.isfinite(within_s):
                 child.kill(_KILL_S)
             else:

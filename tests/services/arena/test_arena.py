@@ -207,17 +207,22 @@ def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Pa
 
 def test_a_dead_folder_with_poses_or_marked_as_unsaved_is_not_removed(tmp_path: Path):
     run_dir = tmp_path / "gone"
-    names = ("poses", "marked", "thrown")
-    with_poses, marked, thrown_away = (ArenaFolder(n, run_dir, root=tmp_path) for n in names)
-    PoseLog(Arena(with_poses.path)).append(np.zeros((), POSE_ROW))
+    names = ("interrupted", "marked", "poses", "thrown")
+    interrupted, marked, with_poses, thrown_away = arenas = [
+        ArenaFolder(n, run_dir, root=tmp_path) for n in names
+    ]
+    for arena in (with_poses, interrupted):
+        PoseLog(Arena(arena.path)).append(np.zeros((), POSE_ROW))
     mark_unsaved(marked.path, run_dir, ["map"])
-    for arena in (with_poses, marked, thrown_away):
+    mark_unsaved(interrupted.path, run_dir, ["mesh"], is_being_saved=True)
+    for arena in arenas:
         assert owner_lives(arena.path)
         arena.let_go()
-    assert remove_dead_arenas(tmp_path) == [with_poses.path]
+    assert remove_dead_arenas(tmp_path) == [interrupted.path, with_poses.path]
     assert kept_arenas(tmp_path) == [marked.path]
     assert live_arenas(tmp_path) == []
-    assert read_unsaved(marked.path) == (run_dir, ("map",))
+    assert read_unsaved(marked.path) == (run_dir, ("map",), False)
+    assert read_unsaved(interrupted.path) == (run_dir, ("mesh",), True)
     assert not thrown_away.path.exists()
     with owned_after_death(marked.path) as is_there, try_own(marked.path) as is_free:
         assert is_there and not is_free

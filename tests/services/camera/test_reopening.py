@@ -18,10 +18,10 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
-from hsslam_node.sources.source import BadFrame, NoFrame
+from hsslam_node.sources.source import BadFrame, NoFrame, SourceLostError
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
-from hsslam_services.camera import ros2_source
+from hsslam_services.camera import reopening, ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
 from hsslam_services.launch.worker import Worker
@@ -115,6 +115,7 @@ def test_a_camera_of_another_lens_than_the_keyframes_is_waited_for(
     make_run: Callable[..., RunInfo], tum_folder: Path, tmp_path: Path, monkeypatch
 ):
     monkeypatch.setattr("hsslam_services.launch.worker.FIRST_PAUSE_S", 0.05)
+    monkeypatch.setattr(reopening, "is_live", lambda _: True)  # a folder is easier to change
     run = replace(make_run(source=f"tum:{tum_folder}"), supervisor_pid=os.getppid())
     with (
         Bus(run.endpoint, run.robot, "test") as bus,
@@ -153,3 +154,15 @@ def test_a_camera_of_another_lens_than_the_saved_map_is_refused(
         )
         with pytest.raises(UserError, match=told):
             open_with_patience(worker, had_frames=False)
+
+
+def test_a_recording_that_cannot_be_opened_any_more_ends_the_process(
+    make_run: Callable[..., RunInfo], tmp_path: Path
+):
+    """The supervisor restarts it some times, then ends the run with a failure."""
+    run = make_run(source=f"tum:{tmp_path / 'unplugged'}")
+    with (
+        Worker("camera", replace(run, supervisor_pid=os.getppid())) as worker,
+        pytest.raises(SourceLostError, match="unplugged"),
+    ):
+        open_with_patience(worker, had_frames=True)

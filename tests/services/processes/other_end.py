@@ -16,7 +16,8 @@ _CAMERA = next(spec for spec in PROCESSES if spec.name == "camera")
 class OtherEnd:
     """A client in the place of the processes that the camera talks to."""
 
-    def __init__(self, run: RunInfo) -> None:
+    def __init__(self, run: RunInfo, *, starts_camera: bool = True) -> None:
+        """Without `starts_camera` there is no process: the test runs the camera's loop itself."""
         self.bus = Bus(run.endpoint, run.robot, "test")
         self.frames = self.bus.subscribe(topics.FRAME, 64)
         self.end = self.bus.subscribe(topics.SOURCE_END, 1)
@@ -26,7 +27,7 @@ class OtherEnd:
         self._beats = self.bus.subscribe(topics.HEALTH, 256)
         self.arena_dir = run.arena_dir
         self.camera = Child(_CAMERA, run.path)
-        self.camera.wanted = True
+        self.camera.wanted = starts_camera
         self.camera.tick()
 
     def camera_states(self, beats: int) -> set[str]:

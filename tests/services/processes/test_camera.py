@@ -1,18 +1,27 @@
 """The camera process on a real bus: who waits for whom, resends, restarts, how it ends."""
 
+import contextlib
 import os
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import pytest
 
+from hsslam_node.errors import UserError
+from hsslam_node.sources.files import image_files
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.messages import MapVersion
 from hsslam_proto.run_messages import Step
+from hsslam_services.launch.worker import Worker
 from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.processes import camera
 from hsslam_services.run.camera_progress import UNREAD, CameraProgress
 from tests.sequence_folders import write_tum_camera
+from tests.services.processes.other_end import OtherEnd
 from tests.services.wire_samples import frame as sample_frame
 
 
@@ -96,6 +105,28 @@ def test_a_frame_that_a_failing_disk_does_not_give_is_counted_by_itself(
     told = f"frame 2 skipped: {image}: Input/output error"
     assert told in [event.text for event in events.drain()]
     assert end.counter(UNREAD) == 1
+
+
+def test_a_disk_that_gives_no_frame_any_more_ends_the_camera(
+    make_run, tum_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(image_files, "_WAITS_S", ())
+    for number in range(1, 5):
+        image = tum_folder / f"depth/{number}.png"
+        image.unlink()
+        image.symlink_to("/proc/self/mem")
+    run = make_run(source=f"tum:{tum_folder}", pace="lockstep")
+    end = OtherEnd(run, starts_camera=False)
+    with (
+        contextlib.closing(end.bus),
+        Worker("camera", replace(run, supervisor_pid=os.getppid())) as worker,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        running = pool.submit(camera._run, worker)
+        end.done(end.next_frame())
+        told = r"4 frames in a row cannot be read, the last: .*4\.png: Input/output error: expected"
+        with pytest.raises(UserError, match=told):
+            running.result(30)
 
 
 def test_the_first_frame_is_sent_again_if_the_tracker_did_not_get_it(other_end):

@@ -14,7 +14,9 @@ import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_services.arena.arena_folder import SHM_ROOT
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.run.exit_code import ExitCode
+from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
@@ -105,8 +107,11 @@ def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve,
     watchdog = first.pid_of("watchdog")
     assert watchdog is not None
     psutil.Process(watchdog).kill()
+    arena = RunInfo.read(first.out).arena_dir
     first.out.rename(tmp_path / "unplugged")
     first.kill_supervisor()
+    # as a watchdog leaves it that is killed while it saves
+    mark_unsaved(Path(arena), first.out, ARENA_ARTEFACTS, is_being_saved=True)
     second = serve(*SMALL_ROOM, "--frames", "10", "--out", str(first.out))
     second.out = first.out
     assert second.finish() == ExitCode.SAVED, second.stderr

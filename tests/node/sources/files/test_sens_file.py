@@ -2,6 +2,7 @@
 
 import tracemalloc
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sources.files import image_files
+from hsslam_node.sources.files.image_files import UnreadImageError
 from hsslam_node.sources.files.sens_file import SensFile
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import BadFrame
@@ -97,3 +100,14 @@ def test_only_what_is_asked_for_is_read(tmp_path):
     assert all(isinstance(f, BadFrame) for f in open_source(f"scannet:{path}").frames())
     assert tracemalloc.get_traced_memory()[1] < 10_000_000
     tracemalloc.stop()
+
+
+def test_a_frame_that_a_failing_disk_does_not_give_says_why(tmp_path, monkeypatch):
+    monkeypatch.setattr(image_files, "_WAITS_S", (0.01,))
+    path = Sens().write(tmp_path / "a.sens")
+    sens = SensFile.open(path)
+    with (
+        Path("/proc/self/mem").open("rb") as failing,  # its first bytes are an input/output error
+        pytest.raises(UnreadImageError, match=r"a\.sens: frame 0: Input/output error"),
+    ):
+        sens.images(failing, 0)
