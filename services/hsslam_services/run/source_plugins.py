@@ -1,7 +1,8 @@
 """Sources of other installed packages: entry points of the group `hsslam.sources`.
 
 The name of an entry point is the kind of the source; its value is the import path of the `SourceRow`. A
-broken entry point becomes a row with the reason in `fault`, so other sources go on working.
+broken entry point becomes a row with the reason in `fault`, so other sources go on working. If two packages
+have one kind, the first that works has it.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,13 +17,18 @@ GROUP = "hsslam.sources"
 
 
 def plugin_rows(own: Sequence[SourceRow]) -> tuple[SourceRow, ...]:
-    """The rows of all installed packages, sorted by kind; the kinds of `own` are taken."""
+    """The rows of all installed packages, sorted by kind; the kinds of `own` are taken.
+
+    Of one kind, the row that works comes first, as look-ups take the first one.
+    """
     taken = {row.kind for row in own}
     rows = []
     for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
-        rows.append(_row(point, taken))
-        taken.add(point.name)
-    return tuple(rows)
+        row = _row(point, taken)
+        rows.append(row)
+        if not row.fault:
+            taken.add(row.kind)
+    return tuple(sorted(rows, key=lambda row: (row.kind, bool(row.fault))))
 
 
 def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
@@ -39,11 +45,20 @@ def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
         )
     if row.kind in taken:
         return _broken(point, package, f"kind {row.kind!r} is taken: expected another")
-    if not row.examples or not all(map(row.matches, row.examples)):
+    if not _has_examples(row):
         return _broken(
-            point, package, f"examples {row.examples}: expected sources of kind {row.kind}"
+            point, package, f"examples {row.examples!r}: expected sources of kind {row.kind}"
         )
     return replace(row, package=package, looks_like=_never_raising(row.looks_like))
+
+
+def _has_examples(row: SourceRow) -> bool:
+    """Whether the row has examples, in a tuple, and all are sources of its kind."""
+    return (
+        isinstance(row.examples, tuple)
+        and bool(row.examples)
+        and all(isinstance(example, str) and row.matches(example) for example in row.examples)
+    )
 
 
 def _broken(point: EntryPoint, package: str, reason: str) -> SourceRow:

@@ -29,6 +29,8 @@ FALLS = row("falls", "plugin_rows_of_test:fall", looks_like=cannot_look)
 NO_DRIVER = row("driverless", "plugin_driver_that_is_not_there:Source")
 TUM = row("tum", "hsslam_node.sources.record:RecordSource")
 EXAMPLES = SourceRow("examples", ("other:FOLDER",), "frames", "frames", "a:b")
+NUMBERS = SourceRow("numbers", (1, 2), "frames", "frames", "a:b")
+NUMBER = SourceRow("number", 1, "frames", "frames", "a:b")
 LEAVES = row("leaves", "plugin_rows_of_test:leave")
 NAMELESS = row("nameless", "plugin_rows_of_test:Nameless")
 STILL = row("still", "plugin_rows_of_test:Still")
@@ -54,6 +56,8 @@ _POINTS = {
     "driverless": "plugin_rows_of_test:NO_DRIVER",
     "tum": "plugin_rows_of_test:TUM",
     "examples": "plugin_rows_of_test:EXAMPLES",
+    "numbers": "plugin_rows_of_test:NUMBERS",
+    "number": "plugin_rows_of_test:NUMBER",
     "renamed": "plugin_rows_of_test:GOOD",
     "function": "plugin_rows_of_test:row",
     "gone": "plugin_rows_of_test:GONE",
@@ -66,7 +70,7 @@ _POINTS = {
 
 @pytest.fixture
 def rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[SourceRow, ...]:
-    """Our own sources and those of a package of eleven, of which one works."""
+    """Our own sources and those of a package of fourteen, of which one works."""
     folder = tmp_path / "site"
     install(folder, "eleven-cameras", {"plugin_rows_of_test": _ROWS}, _POINTS)
     monkeypatch.syspath_prepend(str(folder))
@@ -92,6 +96,8 @@ def test_a_source_of_another_package_is_one_as_our_own(rows, tmp_path):
         ("leaves", "SystemExit: 0"),
         ("driverless", "ModuleNotFoundError: No module named 'plugin_driver_that_is_not_there'"),
         ("examples", "examples ('other:FOLDER',): expected sources of kind examples"),
+        ("numbers", "examples (1, 2): expected sources of kind numbers"),
+        ("number", "examples 1: expected sources of kind number"),
         ("renamed", "plugin_rows_of_test:GOOD has kind 'good': expected 'renamed'"),
         ("function", "plugin_rows_of_test:row is function: expected SourceRow"),
         ("gone", "AttributeError: module 'plugin_rows_of_test' has no attribute 'GONE'"),
@@ -114,6 +120,27 @@ def test_a_package_cannot_take_a_kind_of_ours(rows, tmp_path):
     with pytest.raises(UserError) as caught:
         open_source(f"tum:{tmp_path}/nothing", rows=rows)
     assert "eleven-cameras" not in str(caught.value)
+
+
+def test_of_packages_with_one_kind_the_first_that_works_has_it(tmp_path, monkeypatch):
+    """The kind `good` is of three packages; the entry point of the first does not work."""
+    folder = tmp_path / "site"
+    for package, module, rows in (
+        ("a-broken", "a_rows_of_test", "ROW = 1"),
+        ("b-works", "b_rows_of_test", _ROWS),
+        ("c-late", "c_rows_of_test", _ROWS),
+    ):
+        name = "ROW" if rows == "ROW = 1" else "GOOD"
+        install(folder, package, {module: rows}, {"good": f"{module}:{name}"})
+    monkeypatch.syspath_prepend(str(folder))
+    found = [row for row in plugin_rows(OWN_SOURCES) if row.kind == "good"]
+    assert [(row.package, row.fault) for row in found] == [
+        ("b-works", ""),
+        ("a-broken", "a_rows_of_test:ROW is int: expected SourceRow"),
+        ("c-late", "kind 'good' is taken: expected another"),
+    ]
+    with pytest.raises(UserError, match="source record:"):  # what the row of b-works opens
+        open_source("good:nothing-there", rows=found)
 
 
 def test_what_does_not_work_is_no_source_over_the_bus(rows):
