@@ -4,10 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hsslam_node.merging.meetings import Meeting, agreeing, places_apart, show_the_same
-
-_FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
-_CLEARLY = 3.0  # keyframes that support the best pose over those of the second best, at least
+from hsslam_node.merging.meetings import (
+    FEWEST_PLACES,
+    Meeting,
+    agreeing,
+    is_clear,
+    places_apart,
+    second_best,
+    show_the_same,
+)
 
 
 def agreed_meetings(meetings: Sequence[Meeting]) -> list[Meeting]:
@@ -18,11 +23,9 @@ def agreed_meetings(meetings: Sequence[Meeting]) -> list[Meeting]:
     rooms look alike, meetings support several poses: then the answer is none.
     """
     best = agreeing(meetings)
-    if places_apart(best) < _FEWEST_PLACES or not show_the_same(best):
+    if places_apart(best) < FEWEST_PLACES or not show_the_same(best):
         return []
-    chosen = {id(m) for m in best}
-    other = agreeing([m for m in meetings if id(m) not in chosen])
-    return best if _keyframes(best) >= _CLEARLY * _keyframes(other) else []
+    return best if is_clear(best, second_best(meetings, best)) else []
 
 
 def T_map_fragment(meetings: Sequence[Meeting]) -> np.ndarray:
@@ -33,7 +36,3 @@ def T_map_fragment(meetings: Sequence[Meeting]) -> np.ndarray:
     predicted = T[:, :3, :3] @ at + T[:, :3, 3]  # [n, 3]
     away = np.linalg.norm(predicted - np.median(predicted, axis=0), axis=1)
     return T[int(away.argmin())]
-
-
-def _keyframes(meetings: Sequence[Meeting]) -> int:
-    return len({m.second for m in meetings})

@@ -18,6 +18,8 @@ _CANDIDATES = 3  # keyframes of the first map compared with one of the second, a
 _AGREE_M, _DRIFT = 0.1, 0.03  # meetings at a distance d agree within first + second d, m
 _AGREE_RAD = 0.05
 _APART_M = 1.0  # between `shown` of two places
+FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
+CLEARLY = 3  # keyframes that support the best pose over those of the second best, at least
 FEWEST_BLOCKS = 60  # blocks with texture in the images of all meetings
 _STRIDE_PX = 16
 
@@ -86,6 +88,23 @@ def agreeing(meetings: Sequence[Meeting]) -> list[Meeting]:
         if len(agree) > len(best):
             best = np.array([k, *agree[agree != k]])
     return [meetings[k] for k in best.tolist()]
+
+
+def second_best(meetings: Sequence[Meeting], best: Sequence[Meeting]) -> list[Meeting]:
+    """The largest set that agrees on another pose than `best`, the answer of `agreeing`."""
+    chosen = {id(meeting) for meeting in best}
+    return agreeing([meeting for meeting in meetings if id(meeting) not in chosen])
+
+
+def keyframes_in(meetings: Iterable[Meeting]) -> int:
+    """Number of keyframes of the second map in these meetings."""
+    return len({meeting.second for meeting in meetings})
+
+
+def is_clear(best: Sequence[Meeting], second: Sequence[Meeting]) -> bool:
+    """Whether far more keyframes support the best pose than the second best; rooms that look alike support
+    several poses."""
+    return keyframes_in(best) >= CLEARLY * keyframes_in(second)
 
 
 def places_apart(meetings: Iterable[Meeting]) -> int:

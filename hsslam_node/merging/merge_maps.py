@@ -21,19 +21,22 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.merging.joined_graph import JoinedGraph
 from hsslam_node.merging.meetings import (
+    CLEARLY,
     FEWEST_BLOCKS,
+    FEWEST_PLACES,
     Meeting,
     agreeing,
     find_meetings,
+    is_clear,
+    keyframes_in,
     pictures_of,
     places_apart,
+    second_best,
     show_the_same,
 )
 from hsslam_node.place_recognition.picture_agreement import ALIKE_SHARE
 from hsslam_node.presets import REALTIME
 from hsslam_node.progress import Track, silently
-
-FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ def merge_maps(
 
     Raises:
         UserError: a map cannot be used (`restore_map`), they are of different cameras, or they do not meet
-            in three places that agree, or what they show there differs in detail.
+            in three places that agree, or what they show there differs in detail, or they meet in more
+            than one way.
         OutOfMemoryError: there is no room for the arrays.
     """
     saved, other = load_checkpoint(first), load_checkpoint(second)
@@ -93,9 +97,11 @@ def merge_maps(
     store, parameters = restore_map(arrays, first, config, may_be_fragment=True)
     frames = track(saved_frames(second, other), count, description="places")
     poses = other.T_world_keyframe
-    meetings = agreeing(find_meetings(store, frames, poses, config.tracker, seed))
+    found = find_meetings(store, frames, poses, config.tracker, seed)
+    meetings = agreeing(found)
     _expect_places(first, second, meetings)
     _expect_same_pictures(first, second, meetings)
+    _expect_one_way(first, second, meetings, second_best(found, meetings))
     T_placed = meetings[0].T_worlds @ poses
     for k, frame in enumerate(saved_frames(second, other)):
         gap = other.gap_covariance(k) if k else UNTRACKED
@@ -155,6 +161,17 @@ def _expect_same_pictures(first: Path, second: Path, meetings: Sequence[Meeting]
         raise UserError(
             f"{second}: {pictures.alike} of {pictures.compared} image blocks of common places show what "
             f"{first} shows: expected {ALIKE_SHARE:.0%} or more, of {FEWEST_BLOCKS} blocks or more"
+        )
+
+
+def _expect_one_way(
+    first: Path, second: Path, best: Sequence[Meeting], other: Sequence[Meeting]
+) -> None:
+    """UserError if keyframes support another pose between the maps nearly as well."""
+    if not is_clear(best, other):
+        raise UserError(
+            f"{second}: meets {first} in more than one way: {keyframes_in(best)} keyframes agree on one "
+            f"pose, {keyframes_in(other)} on another: expected {CLEARLY} times as many or more on one"
         )
 
 

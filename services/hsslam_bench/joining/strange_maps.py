@@ -18,8 +18,13 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings, places_apart
-from hsslam_node.merging.merge_maps import FEWEST_PLACES
+from hsslam_node.merging.meetings import (
+    FEWEST_PLACES,
+    Meeting,
+    agreeing,
+    find_meetings,
+    places_apart,
+)
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
