@@ -150,7 +150,8 @@ class FragmentTracker:
         if joined is None:
             return _of_fragment(result, fragment.number)
         if result.covariance is not None:
-            result = replace(result, covariance=self._joining.covariance(result.covariance))
+            covariance = joined.place.covariance(result.covariance, result.T_world_cam)
+            result = replace(result, covariance=covariance)
         return self._go_on_in_map(fragment, joined, result)
 
     def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
@@ -186,8 +187,8 @@ class FragmentTracker:
 
     def _begin_joining(self, fragment: Fragment, search: JoinSearch) -> Joining | None:
         """Begin to join if the fragment's pose in the map is known now."""
-        T_map_fragment = search.step()
-        return None if T_map_fragment is None else Joining(fragment, self._store, T_map_fragment)
+        place = search.step()
+        return None if place is None else Joining(fragment, self._store, place)
 
     def _go_on_in_map(
         self, fragment: Fragment, joined: JoinedFragment, result: TrackResult

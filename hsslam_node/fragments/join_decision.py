@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.merging.meetings import (
     FEWEST_PLACES,
     Meeting,
@@ -28,11 +29,12 @@ def agreed_meetings(meetings: Sequence[Meeting]) -> list[Meeting]:
     return best if is_clear(best, second_best(meetings, best)) else []
 
 
-def T_map_fragment(meetings: Sequence[Meeting]) -> np.ndarray:
-    """[4, 4] by the most central of meetings that agree."""
+def fragment_place(meetings: Sequence[Meeting]) -> FragmentPlace:
+    """By the most central of meetings that agree."""
     T = np.stack([m.T_worlds for m in meetings])  # [n, 4, 4]
     # compared at the cameras, as a small rotation moves the origin of a large fragment far
     at = np.mean([m.T_world_second[:3, 3] for m in meetings], axis=0)
     predicted = T[:, :3, :3] @ at + T[:, :3, 3]  # [n, 3]
     away = np.linalg.norm(predicted - np.median(predicted, axis=0), axis=1)
-    return T[int(away.argmin())]
+    k = int(away.argmin())
+    return FragmentPlace(T[k], meetings[k].T_world_second[:3, 3])

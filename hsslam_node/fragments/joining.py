@@ -3,7 +3,8 @@
 import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
-from hsslam_node.geometry.pose_covariance import UNTRACKED, turned
+from hsslam_node.geometry.fragment_place import FragmentPlace
+from hsslam_node.geometry.pose_covariance import UNTRACKED
 from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
@@ -11,7 +12,6 @@ from hsslam_node.tracking.tracked_frame import JoinedFragment
 _AT_ONCE = 2  # keyframes copied with each frame, 7 ms each at 640x480
 _SPARE = 16  # free keyframes that a join leaves to the camera, at most a quarter of them
 _PARTS = 3  # for a fragment the mapper frees at most one part in three of the map's keyframes
-_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))  # covariance (m, rad) that a join adds
 
 
 class Joining:
@@ -20,20 +20,14 @@ class Joining:
     If the map has too little room for them, the mapper first retires keyframes of the map.
     """
 
-    def __init__(
-        self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray
-    ) -> None:
+    def __init__(self, fragment: Fragment, store: KeyframeStore, place: FragmentPlace) -> None:
+        self.place = place
         self._fragment = fragment
         self._store = store
-        self._T_map_fragment = T_map_fragment
         self._every = 0  # one keyframe in this number is copied; 0: wait for room
         self._staging = store.staging()
         self._ids: list[int] = []  # ids in the fragment of the staged keyframes
         self._next = 0
-
-    def covariance(self, in_fragment: np.ndarray) -> np.ndarray:
-        """Covariance [6, 6] in the map of a pose with covariance `in_fragment` [6, 6]."""
-        return turned(in_fragment, self._T_map_fragment[:3, :3]) + _UNSURE
 
     def step(self) -> JoinedFragment | None:
         """Copy a few more keyframes; once all are copied, show them and return the joined fragment.
@@ -101,14 +95,16 @@ class Joining:
         gaps[0] = UNTRACKED
         with self._store.appending():
             shown = self._store.append_staged(
-                self._staging, self._T_map_fragment @ poses[ids],
-                np.stack([self.covariance(own.covariance(k)) for k in ids]), gaps,
+                self._staging, self.place.T_map_fragment @ poses[ids],
+                np.stack([self.place.covariance(own.covariance(k), poses[k]) for k in ids]), gaps,
                 self._fragment.number,
             )  # fmt: skip
-        return _joined(self._fragment.number, np.array(ids), shown, poses)
+        return _joined(self._fragment.number, self.place, np.array(ids), shown, poses)
 
 
-def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray) -> JoinedFragment:
+def _joined(
+    fragment: int, place: FragmentPlace, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray
+) -> JoinedFragment:
     """The joined fragment: keyframes `ids` [m] have the ids `shown` [m] in the map; the others move with the
     last of these before them. poses: [n, 4, 4] of all."""
     at = np.searchsorted(ids, np.arange(len(poses)), side="right") - 1
@@ -116,4 +112,4 @@ def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray
     T_fragment_keyframe = poses[ids[at]]
     T_keyframe_own = np.linalg.inv(T_fragment_keyframe) @ poses
     T_keyframe_own[ids] = np.eye(4)
-    return JoinedFragment(fragment, shown[at], T_keyframe_own, T_fragment_keyframe)
+    return JoinedFragment(fragment, place, shown[at], T_keyframe_own, T_fragment_keyframe)

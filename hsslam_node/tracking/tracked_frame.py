@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.map.pose_log import STATUS, Status, pose_row
@@ -71,6 +72,7 @@ class JoinedFragment:
     """The n keyframes of a fragment after it joined the map; each moves with a keyframe of the map."""
 
     fragment: int
+    place: FragmentPlace
     keyframes: np.ndarray  # [n] int64, id of the keyframe of the map that each moves with
     T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with
     T_fragment_keyframe: np.ndarray  # [n, 4, 4], in the fragment, of the same keyframes

@@ -17,6 +17,7 @@ from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.fragment_tracker import FragmentTracker
 from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
@@ -172,7 +173,9 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     assert isinstance(tracker, FragmentTracker) and store and store.count == 4
     fragment = Fragment(CONFIG, frames[5], 0, 1, 8)
     fragment.track(frames[5])
-    tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0))
+    tracker._joining = Joining(
+        fragment, store, FragmentPlace(displaced(right[5], 0.02, 1.0), np.zeros(3))
+    )
     slam.finish()
     assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005
 

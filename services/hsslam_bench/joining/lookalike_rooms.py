@@ -15,7 +15,7 @@ import numpy as np
 
 from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.config import TrackerConfig
-from hsslam_node.fragments.join_decision import T_map_fragment, agreed_meetings
+from hsslam_node.fragments.join_decision import agreed_meetings, fragment_place
 from hsslam_node.fragments.join_search import meeting_of
 from hsslam_node.frame import Frame
 from hsslam_node.map.allocator import MemoryAllocator
@@ -76,7 +76,7 @@ def _is_joined(found: list[Meeting]) -> bool:
 
 def _off_m(agreed: list[Meeting]) -> float:
     at = np.append(agreed[0].T_world_second[:3, 3], 1.0)
-    return float(np.linalg.norm((T_map_fragment(agreed) @ at - at)[:3]))
+    return float(np.linalg.norm((fragment_place(agreed).T_map_fragment @ at - at)[:3]))
 
 
 def _alike(found: list[Meeting]) -> float:

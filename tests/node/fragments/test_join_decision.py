@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.fragments.join_decision import T_map_fragment, agreed_meetings
+from hsslam_node.fragments.join_decision import agreed_meetings, fragment_place
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.merging.meetings import Meeting
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
@@ -26,8 +26,10 @@ def test_three_places_that_agree_tell_where_the_fragment_lies():
     meetings = [_meeting(k, displaced(np.eye(4), 0.005, 0.1, seed=k)) for k in range(3)]
     agreed = agreed_meetings(meetings)
     assert len(agreed) == 3
-    off_m, off_deg = pose_error(T_map_fragment(agreed), _T_MAP_FRAGMENT)
+    place = fragment_place(agreed)
+    off_m, off_deg = pose_error(place.T_map_fragment, _T_MAP_FRAGMENT)
     assert off_m < 0.03 and off_deg < 0.2
+    assert place.met_m.tolist() in [m.T_world_second[:3, 3].tolist() for m in agreed]
 
 
 def test_two_places_are_not_enough():

@@ -4,11 +4,14 @@ import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.joining import Joining
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp, so3_log
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from tests.small_room import SMALL, room_frames, room_poses
+
+_IN_ORIGIN = FragmentPlace(np.eye(4), np.zeros(3))
 
 
 def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
@@ -18,7 +21,7 @@ def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
     store.room.allow(1)
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
-    joining = Joining(fragment, store, np.eye(4))
+    joining = Joining(fragment, store, _IN_ORIGIN)
     assert [joining.step() for _ in range(4)] == [None] * 4
     assert joining.finish() is None and store.count == 1
     store.room.allow(4)
@@ -35,10 +38,30 @@ def test_covariances_are_turned_into_the_axes_of_the_map():
     unsure_along_x = np.diag([1.0, *5 * [1e-6]])
     fragment.store.append(frames[1], np.eye(4), covariance=unsure_along_x)
     quarter_turn_about_z = se3_exp(np.array([1, 2, 3, 0, 0, np.pi / 2]))
-    joined = Joining(fragment, store, quarter_turn_about_z).finish()
+    joined = Joining(fragment, store, FragmentPlace(quarter_turn_about_z, np.zeros(3))).finish()
     assert joined is not None
     sigmas_m = np.sqrt(np.diag(store.covariance(int(joined.keyframes[0]))))[:3]
     np.testing.assert_allclose(sigmas_m, [0.02, 1.0, 0.02], atol=1e-3)
+
+
+def test_keyframes_far_from_the_meeting_are_less_sure():
+    """The pose of the fragment in the map has an error of rotation: 20 m away it is 20 cm."""
+    frames = room_frames()
+    store = KeyframeStore.create(
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 4
+    )
+    store.append(frames[0], np.eye(4))
+    fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+    met, away = se3_exp(np.array([1, 2, 3, 0, 0, 0])), se3_exp(np.array([21, 2, 3, 0, 0, 0]))
+    fragment.store.append(frames[1], met)
+    fragment.store.append(frames[2], away)
+    place = FragmentPlace(se3_exp(np.array([5, 0, 0, 0, 0, np.pi / 2])), met[:3, 3])
+    joined = Joining(fragment, store, place).finish()
+    assert joined is not None and store.count == 3
+    sigmas_m = [np.sqrt(np.diag(store.covariance(k)))[:3] for k in (1, 2)]
+    np.testing.assert_allclose(sigmas_m[0], 0.02)
+    across = np.hypot(0.02, 20 * 0.01)
+    np.testing.assert_allclose(sigmas_m[1], [across, 0.02, across], rtol=1e-6)
 
 
 def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
@@ -53,7 +76,9 @@ def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
     fragment = Fragment(SMALL, frames[0], 0, 1, 8)
     for k in range(5):
         fragment.store.append(frames[k], poses[k], gap_covariance=gaps[k])
-    joined = Joining(fragment, store, se3_exp(rng.normal(size=6))).finish()
+    joined = Joining(
+        fragment, store, FragmentPlace(se3_exp(rng.normal(size=6)), np.zeros(3))
+    ).finish()
     assert joined is not None and store.count == 1 + 3
     for k, at in ((2, 2), (4, 3)):
         T_cam_next = inverse(poses[k - 1]) @ poses[k]
@@ -74,7 +99,7 @@ def test_the_newest_keyframe_is_copied_if_odometry_alone_bridged_the_way_to_it()
         for k in range(6):
             at_end = gap if has_gap and k == 5 else None
             fragment.store.append(frames[k], np.eye(4), gap_covariance=at_end)
-        joined = Joining(fragment, store, np.eye(4)).finish()
+        joined = Joining(fragment, store, _IN_ORIGIN).finish()
         assert joined is not None and store.count == 1 + copied
         assert store.gap_covariance(store.count - 1).any() == has_gap
 
@@ -95,7 +120,7 @@ def test_a_fragment_that_is_full_retires_keyframes_and_joins_with_the_others():
     assert own.count >= 8 > 6 >= len(kept) and kept[0] == 0
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 32)
     store.append(first, np.eye(4))
-    joined = Joining(fragment, store, np.eye(4)).finish()
+    joined = Joining(fragment, store, _IN_ORIGIN).finish()
     assert joined is not None and len(joined.keyframes) == own.count
     np.testing.assert_array_equal(joined.keyframes[kept], np.arange(1, store.count))
     placed = store.poses()[joined.keyframes] @ joined.T_keyframe_own
@@ -114,7 +139,7 @@ def test_a_fragment_waits_until_the_mapper_has_made_room_for_it():
     fragment = Fragment(SMALL, frames[0], 0, 1, 8)
     for k in range(6):
         fragment.store.append(frames[k], poses[k])
-    joining = Joining(fragment, store, np.eye(4))
+    joining = Joining(fragment, store, _IN_ORIGIN)
     assert joining.step() is None and joining.step() is None
     assert store.room.is_short() and store.room.free < store.room.wanted == 4
     selection.select(store)
@@ -131,7 +156,7 @@ def test_a_fragment_that_does_not_come_wants_no_room():
         store.append(room_frames()[k], room_poses()[k])
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
-    joining = Joining(fragment, store, np.eye(4))
+    joining = Joining(fragment, store, _IN_ORIGIN)
     assert joining.step() is None and store.room.is_short()
     joining.give_up()
     assert not store.room.is_short()
