@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.geometry.pose_covariance import carried, in_world, turned
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.odometry.reading import Motion, MotionSince, OdometryReading
@@ -31,6 +32,11 @@ class Reckoning:
         """From the pose [4, 4] of the last frame that was aligned."""
         T = T_world_last @ motion.T_from_to
         return cls(T, turned(motion.covariance, T[:3, :3]), motion)
+
+    def moved(self, T_to_world: np.ndarray) -> "Reckoning":
+        """The same in another world, to which T_to_world [4, 4] maps."""
+        doubt = turned(self.doubt, T_to_world[:3, :3])
+        return Reckoning(T_to_world @ self.T_world_cam, doubt, self.motion)
 
     @property
     def is_sure(self) -> bool:
@@ -158,6 +164,20 @@ class DeadReckoning:
         self._newest = None
         self.unaligned_frames = 0
         self.is_open &= gap is not None
+
+    def take_over(
+        self, other: "DeadReckoning", place: FragmentPlace, T_fragment_last: np.ndarray
+    ) -> None:
+        """Continue from a fragment that has joined the map at `place`; T_fragment_last [4, 4]: its last aligned
+        frame."""
+        T = place.T_map_fragment
+        self._since = other._since
+        if other._agreement.is_known:
+            self._agreement = other._agreement
+        self._last_covariance = place.covariance(other._last_covariance, T_fragment_last)
+        self._gap = turned(other._gap, T[:3, :3])
+        self._newest = None if other._newest is None else other._newest.moved(T)
+        self.unaligned_frames, self.is_open = other.unaligned_frames, other.is_open
 
 
 def _way_and_turn(T: np.ndarray) -> np.ndarray:

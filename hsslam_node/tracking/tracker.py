@@ -78,10 +78,10 @@ class Tracker:
 
     def take_over(self, other: "Tracker", joined: JoinedFragment) -> None:
         """Continue from the tracker of a fragment that has joined this tracker's store."""
+        self._reckoned.take_over(other._reckoned, joined.place, other._motion.T_world_last)
         self._motion.take_over(other._motion, joined)
         self._aligner.take_over(other._aligner, joined)
         self._keyframes.take_over(other._keyframes, joined)
-        self._reckoned.restart(None, np.zeros((6, 6)), None)
 
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
