@@ -9,6 +9,7 @@ from hsslam_node.fragments.fragment import Fragment, most_keyframes
 from hsslam_node.fragments.join_search import JoinSearch
 from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.map.pose_log import MOST_FRAGMENTS
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.image_features import image_features
@@ -50,7 +51,8 @@ class FragmentTracker:
     """Tracks in the map; tracks a camera that has been lost for long in a fragment.
 
     A pose in a fragment has the status `lost`, and the fragment's number in `fragment`. When the fragment
-    joins the map, its keyframes are copied to the map, and tracking continues there.
+    joins the map, its keyframes are copied to the map, and tracking continues there. A frame that is lost
+    meanwhile does not end the join: the map is asked for the camera after it.
     """
 
     def __init__(
@@ -106,6 +108,8 @@ class FragmentTracker:
 
     def finish(self) -> JoinedFragment | None:
         """After the last frame: complete a join that has begun; returns the fragment that joined, if any."""
+        if self._search is not None:
+            self._begin_joining(self._search.collect())
         joined = self._joining.finish() if self._joining is not None else None
         if joined is None:
             self._leave()
@@ -115,12 +119,13 @@ class FragmentTracker:
     def find_near(
         self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
     ) -> TrackResult | None:
-        """As the tracker of the map; a camera that is found leaves its fragment. None while a fragment is
-        being copied, unless `localise_only` is set."""
-        if self._joining is not None and not localise_only:
-            return None
-        if self._search is not None:
-            self._search.collect()  # `Relocalisation` takes one call at a time
+        """As the tracker of the map; a camera that is found leaves its fragment. None while a fragment
+        joins the map, unless `localise_only` is set."""
+        place = self._search.collect() if self._search is not None else None  # see `_in_fragment`
+        if not localise_only:
+            self._begin_joining(place)
+            if self._joining is not None:
+                return None
         found = self._map.find_near(frame, view, near, localise_only=localise_only)
         if found is not None:
             self._leave()
@@ -131,28 +136,37 @@ class FragmentTracker:
         assert self._search is not None
         again, self._torn = self._torn, None
         result = again[1] if again and again[0] is frame else fragment.track(frame)
-        if result.status == "lost":
-            self._search.collect()  # `Relocalisation` takes one call at a time
-            self._give_up_joining()
-            self._torn = frame, result
-            found = self._map.track(frame, view)
-            self._torn = None
-            if found.status != "lost":
-                self._leave()
-            return self._after(frame, found)
-        self._lost_ns = None
+        is_lost = result.status == "lost"
+        if not is_lost:
+            self._lost_ns = None
         if self._joining is None:
-            self._joining = self._begin_joining(fragment, self._search)
-        if self._joining is None or result.status != "tracked" or fragment.tracker.is_bridged:
+            # with a lost frame, the map searches: `Relocalisation` takes one call at a time
+            self._begin_joining(self._search.collect() if is_lost else self._search.step())
+        if self._joining is not None:
+            return self._join(fragment, self._joining, frame, result)
+        if not is_lost:
+            return _of_fragment(result, fragment.number)
+        self._torn = frame, result
+        found = self._map.track(frame, view)
+        self._torn = None
+        if found.status != "lost":
+            self._leave()
+        return self._after(frame, found)
+
+    def _join(
+        self, fragment: Fragment, joining: Joining, frame: Frame, result: TrackResult
+    ) -> TrackResult:
+        """Copy more of the fragment; once all is copied, continue in the map."""
+        is_lost = result.status == "lost"
+        if not is_lost and (result.status != "tracked" or fragment.tracker.is_bridged):
             # a keyframe must hold the gap of odometry before the join
             return _of_fragment(result, fragment.number)
-        joined = self._joining.step()
-        if joined is None:
-            return _of_fragment(result, fragment.number)
-        if result.covariance is not None:
-            covariance = joined.place.covariance(result.covariance, result.T_world_cam)
-            result = replace(result, covariance=covariance)
-        return self._go_on_in_map(fragment, joined, result)
+        joined = joining.step(is_lost=is_lost)
+        if joined is not None:
+            return self._go_on_in_map(fragment, joined, result)
+        if is_lost:
+            return self._after(frame, _lost_in_map(result, joining.place))
+        return _of_fragment(result, fragment.number)
 
     def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
         """The result of a frame; if the camera has been lost for long, a fragment begins with this frame."""
@@ -180,26 +194,29 @@ class FragmentTracker:
         if first.status == "lost":  # there is too little depth
             return None
         self._begun, self._lost_ns = fragment.number, None
-        self._leave()
+        joined = self.finish()
         self._fragment = fragment
         self._search = JoinSearch(self._store, self._map.places, fragment)
-        return _of_fragment(first, fragment.number)
+        return replace(_of_fragment(first, fragment.number), joined=joined)
 
-    def _begin_joining(self, fragment: Fragment, search: JoinSearch) -> Joining | None:
-        """Begin to join if the fragment's pose in the map is known now."""
-        place = search.step()
-        return None if place is None else Joining(fragment, self._store, place)
+    def _begin_joining(self, place: FragmentPlace | None) -> None:
+        """Begin to join the fragment if its place is known and it does not join yet."""
+        if place is not None and self._joining is None and self._fragment is not None:
+            self._joining = Joining(self._fragment, self._store, place)
 
     def _go_on_in_map(
         self, fragment: Fragment, joined: JoinedFragment, result: TrackResult
     ) -> TrackResult:
-        """Continue in the map; returns the result of the frame there."""
+        """Continue in the map; returns the result of the frame there, lost if it was lost in the fragment."""
         self._map.take_over(fragment.tracker, joined)
         self._fragment = self._search = self._joining = None
         k = int(joined.keyframes[result.keyframe])
         T_keyframe_cam = joined.T_keyframe_own[result.keyframe] @ result.T_keyframe_cam
+        covariance = result.covariance
+        if covariance is not None:
+            covariance = joined.place.covariance(covariance, result.T_world_cam)
         return replace(
-            result, status="tracked", T_world_cam=self._store.pose(k) @ T_keyframe_cam, keyframe=k,
+            result, covariance=covariance, T_world_cam=self._store.pose(k) @ T_keyframe_cam, keyframe=k,
             T_keyframe_cam=T_keyframe_cam, pose_version=self._store.pose_version, is_carried=True,
             joined=joined,
         )  # fmt: skip
@@ -218,6 +235,12 @@ class FragmentTracker:
         if self._joining is not None:
             self._joining.give_up()
         self._joining = None
+
+
+def _lost_in_map(result: TrackResult, place: FragmentPlace) -> TrackResult:
+    """A frame that is lost in a fragment at `place`, which the map does not have yet."""
+    lost = TrackResult.without_map(result.frame_index)
+    return replace(lost, T_world_cam=place.T_map_fragment @ result.T_world_cam)
 
 
 def _of_fragment(result: TrackResult, number: int) -> TrackResult:

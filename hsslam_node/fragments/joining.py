@@ -10,6 +10,9 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
 _AT_ONCE = 2  # keyframes copied with each frame, 7 ms each at 640x480
+_WHILE_LOST = (
+    8  # with a lost frame: the sooner all are in the map, the sooner it can find the camera
+)
 _SPARE = 16  # free keyframes that a join leaves to the camera, at most a quarter of them
 _PARTS = 3  # for a fragment the mapper frees at most one part in three of the map's keyframes
 
@@ -29,23 +32,24 @@ class Joining:
         self._ids: list[int] = []  # ids in the fragment of the staged keyframes
         self._next = 0
 
-    def step(self) -> JoinedFragment | None:
+    def step(self, *, is_lost: bool = False) -> JoinedFragment | None:
         """Copy a few more keyframes; once all are copied, show them and return the joined fragment.
 
         None before that. None also if the map has memory for none of them; then copying starts again.
+        `is_lost`: the camera is lost, so more are copied.
         """
-        if not self._every and not self._begins():
+        if not self._every and not self._begins(_SPARE):
             return None
-        for _ in range(_AT_ONCE):
+        for _ in range(_WHILE_LOST if is_lost else _AT_ONCE):
             if self._next >= self._fragment.store.count:
                 return self._show()
             self._copy_next()
         return None
 
     def finish(self) -> JoinedFragment | None:
-        """Copy the other keyframes and show all; None if the map has memory for none."""
-        if not self._every:
-            self._begin(self._store.room.free)
+        """Copy the other keyframes and show all; None if the map has too little room for the fragment."""
+        if not self._every and not self._begins(spare=0):
+            return None
         while self._next < self._fragment.store.count:
             self._copy_next()
         return self._show()
@@ -55,14 +59,14 @@ class Joining:
         self._store.room.want(0)
         self._staging.give_up()
 
-    def _begins(self) -> bool:
-        """Whether there is room now; if not, ask the mapper for it."""
+    def _begins(self, spare: int) -> bool:
+        """Whether there is room now, `spare` left to the camera; if not, ask the mapper for it."""
         free, kept = self._store.room.free, len(self._fragment.store.kept())
-        wanted = min(kept + _SPARE, self._store.room.most_kept // _PARTS)
+        wanted = min(kept + spare, self._store.room.most_kept // _PARTS)
         if free < wanted:
             self._store.room.want(wanted)
             return False
-        self._begin(free - min(_SPARE, free // 4))
+        self._begin(free - min(spare, free // 4))
         return True
 
     def _begin(self, room: int) -> None:

@@ -168,8 +168,8 @@ class DeadReckoning:
     def take_over(
         self, other: "DeadReckoning", place: FragmentPlace, T_fragment_last: np.ndarray
     ) -> None:
-        """Continue from a fragment that has joined the map at `place`; T_fragment_last [4, 4]: its last aligned
-        frame."""
+        """Continue from a fragment that has joined the map at `place`; T_fragment_last: pose [4, 4] of the
+        last frame aligned in it."""
         T = place.T_map_fragment
         self._since = other._since
         if other._agreement.is_known:

@@ -109,7 +109,7 @@ class CameraMotion:
         """Continue the motion of a fragment that has joined the store."""
         self._last = joined.placed(other.last)
         self._before_last = other._before_last and joined.placed(other._before_last)
-        self.lost_frames = 0
+        self.lost_frames = other.lost_frames
         self._inertial.restart(None)
 
     def note_carried(self) -> None:

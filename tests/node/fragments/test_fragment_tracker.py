@@ -2,75 +2,37 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
-from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.fragments.fragment import Fragment
-from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse
-from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.store import KeyframeStore
 from hsslam_node.odometry.simulated import simulated_odometry
-from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.tracking.map_view import TornMapError
-from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from hsslam_node.tracking.tracking_work import TrackingWork
-from tests.small_room import SMALL, pose_error, with_black
-
-_DARK = range(30, 48)  # 3.6 s
-_DRIFT_M, _DRIFT_DEG = 0.15, 3.0  # of a fragment, before bundle adjustment
-_OPTIONS = SourceOptions(
-    stride=6, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=206,
-    synth=SynthOptions(width_px=160, height_px=120),
-)  # fmt: skip
-
-
-@cache
-def _walk() -> tuple[tuple[Frame, ...], np.ndarray]:
-    """Once round the room and most of the way back, and the true poses relative to the first."""
-    source, truth = open_source("synth:room", _OPTIONS), open_ground_truth("synth:room", _OPTIONS)
-    assert truth
-    frames = tuple(f for f in source.frames() if isinstance(f, Frame))
-    return frames, inverse(truth.T_world_cam[0]) @ truth.T_world_cam
-
-
-def _opened(
-    new_map_after_s: float, kept: list[Fragment] | None = None
-) -> tuple[FrameTracker, KeyframeStore]:
-    """A tracker and its store; it appends fragments that end without a join to `kept`."""
-    first = _walk()[0][0]
-    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 256)
-    keep = [].append if kept is None else kept.append
-    return open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s, keep=keep), store
-
-
-@cache
-def _lost_and_joined() -> tuple[list[TrackResult], KeyframeStore, list[int]]:
-    """Results, the store, and how many keyframes it had after each frame."""
-    tracker, store = _opened(3.0)
-    results, counts = [], []
-    for frame in _walk()[0]:
-        results.append(tracker.track(frame, None))
-        counts.append(store.count)
-    return results, store, counts
+from tests.lost_walk import (
+    DARK,
+    DRIFT_DEG,
+    DRIFT_M,
+    lost_and_joined,
+    opened,
+    until_it_is_copied,
+    walk,
+)
+from tests.small_room import pose_error, with_black
 
 
 def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
-    results, store, counts = _lost_and_joined()
-    _, truth = _walk()
+    results, store, counts = lost_and_joined()
+    _, truth = walk()
     states = [(r.status, r.fragment) for r in results]
     begun = states.index(("lost", 1))
     joined = next(k for k, r in enumerate(results) if r.joined)
-    assert results[begun].frame_index >= _DARK.stop
+    assert results[begun].frame_index >= DARK.stop
     assert set(states[begun:joined]) == {("lost", 1)}
     assert set(states[joined:]) == {("tracked", 0)}
     assert [k for k, r in enumerate(results) if r.is_carried] == [joined]
@@ -83,28 +45,28 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
         assert off_m < 0.02 and off_deg < 0.5
     for k, T in zip(store.frame_indices().tolist(), store.poses(), strict=True):
         off_m, off_deg = pose_error(results[0].T_world_cam @ truth[k], T)
-        assert off_m < _DRIFT_M and off_deg < _DRIFT_DEG
+        assert off_m < DRIFT_M and off_deg < DRIFT_DEG
     assert set(store.fragments().tolist()) == {0, 1}
 
 
 def test_keyframes_of_map_and_fragment_come_half_as_often_if_asked():
-    tracker, store = _opened(3.0)
+    tracker, store = opened(3.0)
     counts = []
-    for frame in _walk()[0]:
+    for frame in walk()[0]:
         tracker.limit_work(TrackingWork(keyframes_every=2))
         joined = tracker.track(frame, None).joined
         counts.append(store.count)
         if joined is not None:
             break
-    results, _, usual = _lost_and_joined()
+    results, _, usual = lost_and_joined()
     join = next(k for k, r in enumerate(results) if r.joined)
     brought, usually_brought = counts[-1] - counts[-2], usual[join] - usual[join - 1]
-    assert counts[_DARK.start - 1] < usual[_DARK.start - 1] and brought < usually_brought
+    assert counts[DARK.start - 1] < usual[DARK.start - 1] and brought < usually_brought
 
 
 def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
-    results, store, _ = _lost_and_joined()
-    _, truth = _walk()
+    results, store, _ = lost_and_joined()
+    _, truth = walk()
     (joined,) = (r.joined for r in results if r.joined)
     for r in results:
         if r.fragment != joined.fragment:
@@ -112,24 +74,24 @@ def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
         T_own_cam = joined.T_keyframe_own[r.keyframe] @ r.T_keyframe_cam
         T = store.pose(int(joined.keyframes[r.keyframe])) @ T_own_cam
         off_m, _ = pose_error(results[0].T_world_cam @ truth[r.frame_index], T)
-        assert off_m < _DRIFT_M
+        assert off_m < DRIFT_M
 
 
 def test_without_the_option_the_camera_stays_lost_until_it_is_found():
-    tracker, _ = _opened(0.0)
-    results = [tracker.track(frame, None) for frame in _walk()[0][:80]]
+    tracker, _ = opened(0.0)
+    results = [tracker.track(frame, None) for frame in walk()[0][:80]]
     assert {r.fragment for r in results} == {0}
     assert results[-1].status == "lost"
 
 
 def test_a_loss_before_frames_that_only_localise_does_not_count():
-    tracker, _ = _opened(3.0)
-    frames, _ = _walk()
-    lost_at, again = _DARK.start + 5, _DARK.start + 25
+    tracker, _ = opened(3.0)
+    frames, _ = walk()
+    lost_at, again = DARK.start + 5, DARK.start + 25
     for frame in frames[:lost_at]:
         tracker.track(frame, None)
     for frame in frames[lost_at:again]:
-        shown = replace(frames[_DARK.start - 1], index=frame.index, stamp_ns=frame.stamp_ns)
+        shown = replace(frames[DARK.start - 1], index=frame.index, stamp_ns=frame.stamp_ns)
         found = tracker.track(shown, None, localise_only=True)
     assert found.status == "tracked"
     results = ((frame.stamp_ns, tracker.track(frame, None)) for frame in frames[again:])
@@ -138,27 +100,15 @@ def test_a_loss_before_frames_that_only_localise_does_not_count():
 
 
 def test_a_clock_that_is_set_back_while_the_camera_is_lost_delays_no_fragment():
-    tracker, _ = _opened(3.0)
-    frames, _ = _walk()
-    set_back, back_ns = _DARK.start + 3, 5_000_000_000
+    tracker, _ = opened(3.0)
+    frames, _ = walk()
+    set_back, back_ns = DARK.start + 3, 5_000_000_000
     for frame in frames[:set_back]:
         tracker.track(frame, None)
     later = [replace(f, stamp_ns=f.stamp_ns - back_ns) for f in frames[set_back:]]
     results = ((frame.stamp_ns, tracker.track(frame, None)) for frame in later)
     begun_ns = next(stamp_ns for stamp_ns, result in results if result.fragment == 1)
     assert 3e9 <= begun_ns - later[0].stamp_ns < 5e9
-
-
-def _until_it_is_copied(
-    kept: list[Fragment] | None = None,
-) -> tuple[FrameTracker, KeyframeStore, int]:
-    """Three frames before the fragment joins the map, and the frame after them; `kept` as in `_opened`."""
-    results, _, _ = _lost_and_joined()
-    end = next(k for k, r in enumerate(results) if r.joined) - 3
-    tracker, store = _opened(3.0, kept)
-    for frame in _walk()[0][:end]:
-        tracker.track(frame, None)
-    return tracker, store, end
 
 
 def test_each_comparison_with_the_map_has_ended_before_a_fragment_is_copied(monkeypatch):
@@ -173,33 +123,13 @@ def test_each_comparison_with_the_map_has_ended_before_a_fragment_is_copied(monk
         return future
 
     monkeypatch.setattr(Relocalisation, "compare", watched)
-    _until_it_is_copied()
+    until_it_is_copied()
     assert begun and ended == begun
 
 
-def test_a_fragment_that_is_being_copied_when_the_camera_ends_joins_the_map():
-    kept: list[Fragment] = []
-    tracker, store, _ = _until_it_is_copied(kept)
-    before = store.count
-    joined = tracker.finish()
-    assert joined is not None and joined.fragment == 1
-    assert sorted({*joined.keyframes.tolist()}) == list(range(before, store.count))
-    assert not kept
-
-
-def test_a_fragment_that_is_lost_while_it_is_copied_leaves_the_map_as_it_was():
-    tracker, store, end = _until_it_is_copied()
-    before, frame = store.count, _walk()[0][end]
-    assert tracker.track(with_black(frame), None).status == "lost"
-    assert tracker.finish() is None
-    assert store.append(frame, np.eye(4)) == before
-    assert store.kept().tolist() == list(range(before + 1))
-    np.testing.assert_array_equal(store.frame(before).color, frame.color)
-
-
 def test_a_fragment_does_not_join_while_odometry_bridges_what_the_camera_does_not_see():
-    tracker, store, end = _until_it_is_copied()
-    frames, poses = _walk()
+    tracker, store, end = until_it_is_copied()
+    frames, poses = walk()
     wheels = simulated_odometry(poses, 0.01, seed=1)
     covered = range(end + 1, end + 8)  # without them it would join at the third frame
     before, gap_at = store.count, None
@@ -214,12 +144,12 @@ def test_a_fragment_does_not_join_while_odometry_bridges_what_the_camera_does_no
     gaps = [store.gap_covariance(k).any() for k in range(before + 1, store.count)]
     assert gaps.count(True) == 1  # the way without sight
     off_m, off_deg = pose_error(result.T_world_cam, poses[gap_at])
-    assert off_m < _DRIFT_M and off_deg < _DRIFT_DEG
+    assert off_m < DRIFT_M and off_deg < DRIFT_DEG
 
 
 def test_a_frame_that_is_lost_in_the_fragment_is_tracked_there_once_if_the_map_is_torn(monkeypatch):
-    (torn, _, end), (calm, _, _) = _until_it_is_copied(), _until_it_is_copied()
-    frames = _walk()[0]
+    (torn, _, end), (calm, _, _) = until_it_is_copied(before=30), until_it_is_copied(before=30)
+    frames = walk()[0]
     black = with_black(frames[end])
     track, torn_reads = Tracker.track, [TornMapError]
 
@@ -239,8 +169,8 @@ def test_a_frame_that_is_lost_in_the_fragment_is_tracked_there_once_if_the_map_i
 def test_a_fragment_that_ends_without_a_join_is_kept():
     """The camera is found in the map again; the next fragment begins; the camera ends."""
     kept: list[Fragment] = []
-    tracker, _ = _opened(0.3, kept)
-    frames, _ = _walk()
+    tracker, _ = opened(0.3, kept)
+    frames, _ = walk()
     black, known, there, elsewhere = -1, 0, 60, 80
     numbers, ended = [], []
     shown = [known, *8 * [there], black, *2 * [known], *8 * [there], black, *8 * [elsewhere]]

@@ -149,6 +149,24 @@ def test_a_fragment_waits_until_the_mapper_has_made_room_for_it():
     assert not store.room.wanted and store.has_room()
 
 
+def test_a_fragment_that_waits_for_room_when_the_camera_ends_does_not_join_with_a_part():
+    """Three keyframes are free, and it would take four: it is saved as a whole instead."""
+    frames, poses = room_frames(), room_poses()
+    store = KeyframeStore.create(
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 12
+    )
+    for k in range(9):
+        store.append(frames[k], poses[k])
+    fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+    for k in range(6):
+        fragment.store.append(frames[k], poses[k])
+    joining = Joining(fragment, store, _IN_ORIGIN)
+    assert joining.step() is None and joining.finish() is None
+    assert store.count == 9 and store.room.free == 3
+    store.retire(1, 0)
+    assert joining.finish() is not None
+
+
 def test_a_fragment_that_does_not_come_wants_no_room():
     first = room_frames()[0]
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 6)
