@@ -34,7 +34,9 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import tell_device, worker_device
 
 _POLL_S = 0.05
-_LONGEST_BACKLOG = 6  # keyframes whose iterations may wait in real time
+_LONGEST_BACKLOG = (
+    6  # keyframes whose iterations may wait in real time, beside those of joined fragments
+)
 _SLICE = 32  # last iterations between checks of signals and clock
 _RETIRING_SHARE = 0.25  # of --finish-s, to compare keyframes with those of the loaded map
 _SAVING_S = 1.0  # time reserved to save the map at the end,
@@ -108,6 +110,7 @@ class _MapperLoop:
         self._keyframes_seen = 0
         self._refused = 0  # keyframes for which the tracker had no room
         self._due = 0.0  # iterations to do, reduced by the load level
+        self._due_of_joins = 0.0  # of these, those that keyframes of joined fragments may ask for
         self._iterations = 0
         store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:
@@ -125,13 +128,16 @@ class _MapperLoop:
         if self._parameters is None:
             return True
         if self._mode.localise_only:
-            self._keyframes_seen, self._due = store.count, 0
+            self._keyframes_seen, self._due, self._due_of_joins = store.count, 0, 0
             return False
         per_keyframe = self._slam.mapper.iterations * self._level.now.iterations
-        self._due += per_keyframe * (store.count - self._keyframes_seen)
-        self._keyframes_seen = store.count
+        count = store.count
+        self._due += per_keyframe * (count - self._keyframes_seen)
+        self._due_of_joins += per_keyframe * _joined(store, self._keyframes_seen, count)
+        self._keyframes_seen = count
         if self._worker.options.pace == "realtime":
-            self._due = min(self._due, _LONGEST_BACKLOG * per_keyframe)
+            longest = _LONGEST_BACKLOG * per_keyframe + self._due_of_joins
+            self._due = min(self._due, longest)
         return self._due >= 1
 
     def work(self) -> None:
@@ -156,6 +162,7 @@ class _MapperLoop:
             if self._corrector and refined and self._mode.may_change:
                 self._corrector.correct(store, *refined, losses=(report.loss, report.loss))
         self._due -= n
+        self._due_of_joins = max(self._due_of_joins - n, 0)
         self._iterations += n
         self._select(store)
         self._publish(report, store, start)
@@ -301,6 +308,17 @@ class _MapperLoop:
                 map_epoch=self._mode.map_epoch,
             )
         )
+
+
+def _joined(store: KeyframeStore, seen: int, count: int) -> int:
+    """How many of the keyframes from number `seen` to `count` came with a fragment that joined the map.
+
+    Those that the camera appended since then have the number of the fragment, too, and count as well.
+    """
+    if not 0 < seen < count:
+        return 0
+    fragments = store.fragments()[seen - 1 : count]
+    return int((fragments[1:] > fragments[0]).sum())
 
 
 if __name__ == "__main__":

@@ -146,6 +146,28 @@ def test_in_lockstep_the_mapper_leaves_waiting_keyframes_to_the_end_if_it_must_s
         assert loop.has_work()
 
 
+@pytest.mark.parametrize(("fragment", "waiting"), [(0, 6), (1, 9 + 6)])
+def test_in_real_time_keyframes_of_a_join_all_get_their_iterations(
+    make_run: Callable[..., RunInfo], fragment: int, waiting: int
+):
+    """Nine keyframes come at once, with the fragment's number or as of a mapper that is late; then seven."""
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
+    run, store, parameters = _begun(make_run, pace="realtime", mapper=quick)
+    with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = mapper._MapperLoop(worker)
+        while loop.has_work():
+            loop.work()
+        before = parameters.step
+        for k in range(1, 10):
+            store.append(room_frames()[k], room_poses()[k], fragment=fragment)
+        assert loop.has_work()
+        for k in range(10, 17):
+            store.append(room_frames()[k], room_poses()[k], fragment=fragment)
+        while loop.has_work():
+            loop.work()
+        assert parameters.step == before + 2 * waiting
+
+
 def test_the_mapper_makes_room_for_a_fragment_that_waits(make_run: Callable[..., RunInfo]):
     quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
     few = replace(SMALL.keyframes, capacity=12)
