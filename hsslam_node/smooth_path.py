@@ -22,6 +22,9 @@ class SmoothPath:
     `longest_gap_s` and 1.5 times the usual time, are of two map epochs, or the tracker has not followed
     the camera between them. A restarted tracker continues the path.
 
+    Frames of a fragment have a path of their own, which begins with the fragment; the other one stands still
+    meanwhile.
+
     Args:
         robot: if given, a path that stands still, or begins in a saved map, takes the height and tilt that
             the robot has in `map`.
@@ -37,6 +40,7 @@ class SmoothPath:
         self._stamps_ns = deque(stamps_ns, _FRAMES)
         self._last = _newest_with_pose(log)
         self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
+        self._last_of_fragment: np.ndarray | None = None
 
     def add(
         self,
@@ -53,9 +57,12 @@ class SmoothPath:
         is_carried: the tracker does not know the motion since the last frame with a pose.
         """
         self._stamps_ns.append(int(row["source_stamp_ns"]))
+        if row["fragment"]:
+            self._add_of_fragment(row, T_expected, is_carried=is_carried)
+            return
         row["odometry_stands"] = True
         if row["status"] != LOST and store is not None:
-            if not is_carried and self._is_motion(row):
+            if not is_carried and self._is_motion(self._last, row):
                 row["odometry_stands"] = False
                 motion = self._motion(row, store, T_expected)
                 self._T_odom_cam = orthonormal(self._T_odom_cam @ motion)
@@ -64,8 +71,20 @@ class SmoothPath:
             self._last = row.copy()
         row["T_odom_cam"] = self._T_odom_cam
 
-    def _is_motion(self, row: np.ndarray) -> bool:
-        last = self._last
+    def _add_of_fragment(
+        self, row: np.ndarray, T_expected: np.ndarray | None, *, is_carried: bool
+    ) -> None:
+        """Fill in a row of a fragment. Nothing corrects poses there, so those of the rows give the motion."""
+        last, T_odom_cam, stands = self._last_of_fragment, np.eye(4), True
+        if last is not None and last["fragment"] == row["fragment"]:
+            T_odom_cam, stands = last["T_odom_cam"], is_carried or not self._is_motion(last, row)
+            if not stands:
+                T = row["T_world_cam"] if T_expected is None else T_expected
+                T_odom_cam = orthonormal(T_odom_cam @ inverse(last["T_world_cam"]) @ T)
+        row["T_odom_cam"], row["odometry_stands"] = T_odom_cam, stands
+        self._last_of_fragment = row.copy()
+
+    def _is_motion(self, last: np.ndarray | None, row: np.ndarray) -> bool:
         if last is None or last["map_epoch"] != row["map_epoch"]:
             return False
         gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])

@@ -245,5 +245,6 @@ def _lost_in_map(result: TrackResult, place: FragmentPlace) -> TrackResult:
 
 def _of_fragment(result: TrackResult, number: int) -> TrackResult:
     return replace(
-        result, status="lost", fragment=number, is_keyframe=False, pose_version=0, covariance=None
-    )
+        result, status="lost", fragment=number, is_reckoned=result.status == "dead_reckoned",
+        is_keyframe=False, pose_version=0, covariance=None,
+    )  # fmt: skip

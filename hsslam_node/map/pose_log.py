@@ -49,6 +49,7 @@ POSE_ROW = np.dtype(
         ("odometry_stands", "<i8"),  # 1: that path does not know the motion to this frame
         # that pose and keyframe are of, if the frame is LOST to the map; 0: none
         ("fragment", "<i8"),
+        ("is_reckoned", "<i8"),  # 1: odometry alone placed it in the fragment
     ]
 )
 _JOIN_ROW = np.dtype([("keyframe", "<i8"), ("T_keyframe_own", "<f8", (4, 4))])
@@ -189,7 +190,8 @@ class PoseLog:
         return load_ordered(self._joins, fragment) > 0
 
     def joined(self, rows: np.ndarray) -> np.ndarray:
-        """Rows [N] of this log; those of fragments that have joined the map are tracked in it, in a copy.
+        """Rows [N] of this log; those of fragments that have joined the map are tracked in it, or
+        dead-reckoned, in a copy.
 
         `T_world_cam` of these stays what it was in the fragment: `keyframe` says where they are.
         """
@@ -199,7 +201,9 @@ class PoseLog:
             of_it = np.flatnonzero(rows["fragment"] == fragment)
             keyframes = self._arrays.open(_join_name(fragment))[rows["keyframe"][of_it]]
             T_keyframe_cam = keyframes["T_keyframe_own"] @ rows["T_keyframe_cam"][of_it]
-            rows["status"][of_it], rows["fragment"][of_it] = TRACKED, 0
+            is_reckoned = rows["is_reckoned"][of_it] == 1
+            rows["status"][of_it] = np.where(is_reckoned, DEAD_RECKONED, TRACKED)
+            rows["fragment"][of_it] = 0
             rows["keyframe"][of_it] = keyframes["keyframe"]
             rows["T_keyframe_cam"][of_it] = T_keyframe_cam
         return rows
@@ -267,6 +271,7 @@ def pose_row(
     covariance: np.ndarray | None = None,  # [6, 6]
     T_odom_cam: np.ndarray | None = None,  # [4, 4]; None: the world's
     fragment: int = 0,
+    is_reckoned: bool = False,
 ) -> np.ndarray:
     """One row, [] of POSE_ROW."""
     row = np.zeros((), POSE_ROW)
@@ -277,6 +282,7 @@ def pose_row(
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
     row["quality"], row["map_version"], row["map_epoch"] = quality, map_version, map_epoch
     row["pose_version"], row["publisher"], row["fragment"] = pose_version, publisher, fragment
+    row["is_reckoned"] = is_reckoned
     row["covariance"] = np.nan if covariance is None else covariance
     row["T_odom_cam"] = T_world_cam if T_odom_cam is None else T_odom_cam
     return row

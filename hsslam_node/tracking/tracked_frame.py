@@ -104,6 +104,7 @@ class TrackResult:
     covariance: np.ndarray | None = None
     # 0: pose and keyframe are in the map; else in this fragment, and the camera is lost to the map
     fragment: int = 0
+    is_reckoned: bool = False  # in the fragment, odometry alone placed the frame
     joined: JoinedFragment | None = None  # the fragment that joined the map at this frame
     # [4, 4] T_world_cam by odometry, of the first aligned frame after dead-reckoned ones
     T_expected: np.ndarray | None = None
@@ -150,6 +151,7 @@ class TrackResult:
             publisher=publisher,
             covariance=self.covariance,
             fragment=self.fragment,
+            is_reckoned=self.is_reckoned,
         )
 
     @classmethod

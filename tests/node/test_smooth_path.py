@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.robot_frames import RobotFrames
-from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.epoch_poses import final_trajectory
 from hsslam_node.map.pose_log import DEAD_RECKONED, LOST, TRACKED, PoseLog, pose_row
@@ -15,6 +15,7 @@ from hsslam_node.smooth_path import SmoothPath
 from tests.small_room import displaced, room_frames
 
 _STEP = se3_exp(np.array([0.02, 0.0, 0.01, 0.0, 0.03, 0.0]))
+_ASIDE = se3_exp(np.array([4.0, 0.0, 1.0, 0.0, 0.7, 0.0]))  # pose of a fragment in the map
 _FRAME_NS = 33_000_000
 _A_SECOND = 30  # frames
 
@@ -55,6 +56,20 @@ class _Run:
         self._path.add(row, self.store, is_carried=is_carried)
         self.log.append(row)
         return row["T_odom_cam"].copy()
+
+    def track_in_fragment(
+        self, T_world_cam: np.ndarray, T_expected: np.ndarray | None = None, *, is_reckoned: bool
+    ) -> None:
+        """The next frame, in fragment 1, whose keyframe 0 is in its origin."""
+        n = self._frames
+        self._frames += 1
+        row = pose_row(
+            index=n, source_stamp_ns=n * _FRAME_NS, stamp_ns=n, publish_ns=n, status=LOST,
+            keyframe=0, T_world_cam=T_world_cam, T_keyframe_cam=T_world_cam, quality=1.0,
+            map_version=1, fragment=1, is_reckoned=is_reckoned,
+        )  # fmt: skip
+        self._path.add(row, self.store, T_expected)
+        self.log.append(row)
 
     def correct(self) -> None:
         """Move the newest keyframe by 5 cm and 2 degrees, and the camera with it."""
@@ -163,3 +178,26 @@ def test_frames_by_odometry_alone_keep_its_path_however_few_there_are_in_a_secon
         truth.append(run.T_world_cam)
     found = final_trajectory(run.log.rows(), run.store.poses()).T_world_cam
     np.testing.assert_allclose(found, truth, atol=1e-6)
+
+
+def test_frames_by_odometry_alone_in_a_fragment_are_fitted_once_it_has_joined(run):
+    """Odometry is a tenth too long; the camera sees again at the last of ten frames."""
+    before = [run.track() for _ in range(3)][-1]
+    too_long = se3_exp(1.1 * se3_log(_STEP))
+    truth, by_odometry = [np.eye(4)], np.eye(4)
+    run.track_in_fragment(truth[0], is_reckoned=False)
+    for k in range(1, 10):
+        truth.append(truth[-1] @ _STEP)
+        by_odometry = by_odometry @ too_long
+        if k < 9:
+            run.track_in_fragment(by_odometry, is_reckoned=True)
+        else:
+            run.track_in_fragment(truth[-1], by_odometry, is_reckoned=False)
+    np.testing.assert_array_equal(run.track(is_carried=True), before)  # `odom` stood still
+    run.store.append(room_frames()[0], _ASIDE)
+    run.log.join(1, np.array([run.store.count - 1]), np.eye(4)[None])
+    rows = run.log.joined(run.log.rows())
+    assert rows["status"].tolist() == [*4 * [TRACKED], *8 * [DEAD_RECKONED], *2 * [TRACKED]]
+    found = final_trajectory(rows, run.store.poses()).T_world_cam[3:-1]
+    off_m = np.linalg.norm(found[:, :3, 3] - (_ASIDE @ truth)[:, :3, 3], axis=1)
+    assert off_m.max() < 0.001 < np.linalg.norm((by_odometry - truth[-1])[:3, 3])

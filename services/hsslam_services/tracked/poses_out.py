@@ -147,6 +147,6 @@ def _pose_message(
         odometry_stands=bool(row["odometry_stands"]),
         in_keyframe=pose_numbers(row["T_keyframe_cam"]) if row["keyframe"] >= 0 else [],
         up=up,
-        is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),
+        is_dead_reckoned=bool(row["status"] == DEAD_RECKONED or row["is_reckoned"]),
         stage_ms=stages_ms,
     )

@@ -140,6 +140,7 @@ def test_a_fragment_does_not_join_while_odometry_bridges_what_the_camera_does_no
             gap_at = k
             break
         assert (result.status, result.fragment) == ("lost", 1) and store.count == before
+        assert result.is_reckoned == (k in covered)
     assert gap_at is not None and gap_at > covered.stop
     gaps = [store.gap_covariance(k).any() for k in range(before + 1, store.count)]
     assert gaps.count(True) == 1  # the way without sight

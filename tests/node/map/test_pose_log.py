@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.epoch_poses import final_trajectory, fragment_trajectory, online_trajectory
-from hsslam_node.map.pose_log import LOST, SLAB_ROWS, TRACKED, PoseLog, pose_row
+from hsslam_node.map.pose_log import DEAD_RECKONED, LOST, SLAB_ROWS, TRACKED, PoseLog, pose_row
 from hsslam_node.smooth_path import SmoothPath
 
 
@@ -119,12 +119,13 @@ def test_frames_of_a_fragment_are_lost_until_it_joins_the_map():
             fragment,
             own,
         )
+        row["is_reckoned"] = index == 2
         log.append(row)
     rows = log.rows()
     assert log.joined(rows) is rows
     log.join(1, np.array([5, 5]), np.stack([np.eye(4), aside]))
     joined = log.joined(rows)
-    assert joined["status"].tolist() == [TRACKED, TRACKED, TRACKED, LOST]
+    assert joined["status"].tolist() == [TRACKED, TRACKED, DEAD_RECKONED, LOST]
     assert joined["keyframe"].tolist() == [0, 5, 5, 1]
     keyframes = np.tile(np.eye(4), (6, 1, 1))
     keyframes[5, :3, 3] = 1.0, 2.0, 3.0
