@@ -89,6 +89,25 @@ def test_poses_that_do_not_fit_into_memory_are_published_and_reported_once(
     assert told == ["the memory is full: poses are published, but missing in the trajectories"]
 
 
+def test_a_pose_of_a_fragment_says_that_odometry_alone_placed_it(make_run: Callable[..., RunInfo]):
+    run = make_run(pace="lockstep", slam=PRESETS["realtime"])
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        poses = worker.bus.subscribe(topics.POSE, 8)
+        out = PosesOut(
+            worker, SharedMap(worker.arena, PRESETS["realtime"]), MapState(run.arena_dir)
+        )
+        message = frame_message(_frames_of(160, 1)[0], time.time_ns(), _CAMERA)
+        for index, is_reckoned in enumerate((False, True)):
+            place = FrameOrder().place(_CAMERA, index, message.stamp_ns)
+            result = replace(
+                TrackResult.without_map(index), keyframe=0, fragment=1, is_reckoned=is_reckoned
+            )
+            out.put(result, Received(message, place, *3 * [time.time_ns()], 0))
+            heard = poses.wait(20.0)
+            assert heard is not None and (heard.status, heard.fragment) == ("lost", 1)
+            assert heard.is_dead_reckoned == is_reckoned
+
+
 def _one_slab(log: PoseLog, k: int, slab=PoseLog._slab) -> np.ndarray:
     """The memory has room for the first slab alone."""
     if k:

@@ -77,3 +77,22 @@ def test_an_older_log_is_read_as_far_as_it_tells(tmp_path):
     found = _logged(tmp_path, tells_in_keyframe=False)
     np.testing.assert_allclose(found.final.positions[:, 1], [0, 0, 1, 2, 2])
     assert found.keyframes.positions.tolist() == [[_NEW, 0, 0]]
+
+
+def test_frames_by_odometry_alone_in_a_fragment_that_joined_are_fitted(tmp_path):
+    """Five frames, a metre from one to the next. Of three there is only odometry, a tenth too long."""
+    log = PartedLog(tmp_path, "r", LogSettings())
+    joined = msgspec.structs.replace(
+        keyframe(_NEW), t=(10.0, 0.0, 0.0), fragment=1, fragment_keyframe=0
+    )
+    for index in range(5):
+        is_reckoned, x = 0 < index < 4, 1.1 * index
+        at = msgspec.structs.replace(
+            pose(index, "lost"), t=(x if is_reckoned else float(index), 0.0, 0.0), fragment=1,
+            is_dead_reckoned=is_reckoned, odometry=[x, 0.0, 0.0, *_AT_REST], odometry_stands=index == 0,
+        )  # fmt: skip
+        log.write(topics.POSE, encode(topics.POSE, at), 1, 1, 1)
+    log.write(topics.KEYFRAME, encode(topics.KEYFRAME, joined), 1, 1, 1)
+    log.close()
+    found = logged_poses([tmp_path / "run.mcap"]).final.positions
+    np.testing.assert_allclose(found, [[10 + x, 0, 0] for x in range(5)], atol=0.01)
