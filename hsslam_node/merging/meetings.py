@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import world_points
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement, picture_agreement
@@ -18,6 +18,7 @@ _CANDIDATES = 3  # keyframes of the first map compared with one of the second, a
 _AGREE_M, _DRIFT = 0.1, 0.03  # meetings at a distance d agree within first + second d, m
 _AGREE_RAD = 0.05
 _APART_M = 1.0  # between `shown` of two places
+_ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.35
 FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
 CLEARLY = 3  # keyframes that support the best pose over those of the second best, at least
 FEWEST_BLOCKS = 60  # blocks with texture in the images of all meetings
@@ -94,6 +95,19 @@ def second_best(meetings: Sequence[Meeting], best: Sequence[Meeting]) -> list[Me
     """The largest set that agrees on another pose than `best`, the answer of `agreeing`."""
     chosen = {id(meeting) for meeting in best}
     return agreeing([meeting for meeting in meetings if id(meeting) not in chosen])
+
+
+def elsewhere(meetings: Iterable[Meeting], T_worlds: np.ndarray) -> list[Meeting]:
+    """Meetings that place what they show 1 m or 20 degrees or more away from where T_worlds [4, 4], from the
+    second world to the first, places it. Drift alone does less."""
+    away = []
+    for meeting in meetings:
+        T_change = inverse(T_worlds) @ meeting.T_worlds
+        moved_m = np.linalg.norm((T_change @ np.append(meeting.shown, 1.0))[:3] - meeting.shown)
+        turned_rad = np.linalg.norm(so3_log(T_change[:3, :3]))
+        if moved_m >= _ELSEWHERE_M or turned_rad >= _ELSEWHERE_RAD:
+            away.append(meeting)
+    return away
 
 
 def keyframes_in(meetings: Iterable[Meeting]) -> int:

@@ -26,6 +26,7 @@ from hsslam_node.merging.meetings import (
     FEWEST_PLACES,
     Meeting,
     agreeing,
+    elsewhere,
     find_meetings,
     is_clear,
     keyframes_in,
@@ -101,8 +102,9 @@ def merge_maps(
     meetings = agreeing(found)
     _expect_places(first, second, meetings)
     _expect_same_pictures(first, second, meetings)
-    _expect_one_way(first, second, meetings, second_best(found, meetings))
-    T_placed = meetings[0].T_worlds @ poses
+    T_worlds = meetings[0].T_worlds
+    _expect_one_way(first, second, meetings, second_best(elsewhere(found, T_worlds), meetings))
+    T_placed = T_worlds @ poses
     for k, frame in enumerate(saved_frames(second, other)):
         gap = other.gap_covariance(k) if k else UNTRACKED
         store.append(frame, T_placed[k], gap_covariance=gap)

@@ -4,7 +4,7 @@ import numpy as np
 
 from hsslam_node.fragments.join_decision import agreed_meetings, fragment_place
 from hsslam_node.geometry.se3 import inverse, se3_exp
-from hsslam_node.merging.meetings import Meeting
+from hsslam_node.merging.meetings import Meeting, elsewhere
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 from tests.small_room import displaced, pose_error
 
@@ -50,3 +50,11 @@ def test_two_ways_to_lie_are_not_told_apart():
     assert agreed_meetings([*one, *other]) == []
     assert agreed_meetings([*one, *other[:3]]) == []
     assert len(agreed_meetings([*one, *other[:2]])) == 6
+
+
+def test_drift_is_no_other_place_and_another_room_is():
+    drifted, moved, turned = (
+        displaced(np.eye(4), m, deg) for m, deg in ((0.6, 10), (1.5, 0), (0, 40))
+    )
+    meetings = [_meeting(2), _meeting(3, drifted), _meeting(4, moved), _meeting(5, turned)]
+    assert [m.second for m in elsewhere(meetings, _T_MAP_FRAGMENT)] == [4, 5]
