@@ -22,8 +22,8 @@ class SmoothPath:
     `longest_gap_s` and 1.5 times the usual time, are of two map epochs, or the tracker has not followed
     the camera between them. A restarted tracker continues the path.
 
-    Frames of a fragment have a path of their own, which begins with the fragment; the other one stands still
-    meanwhile.
+    In a fragment the path goes on by the motions there. It stands still where the fragment begins, and where
+    the camera comes back to the map.
 
     Args:
         robot: if given, a path that stands still, or begins in a saved map, takes the height and tilt that
@@ -39,7 +39,7 @@ class SmoothPath:
         stamps_ns = [t for rows in log.slabs(newest) for t in rows["source_stamp_ns"].tolist()]
         self._stamps_ns = deque(stamps_ns, _FRAMES)
         self._last = _newest_with_pose(log)
-        self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
+        self._T_odom_cam = _newest_odometry(log)
         self._last_of_fragment: np.ndarray | None = None
 
     def add(
@@ -75,14 +75,15 @@ class SmoothPath:
         self, row: np.ndarray, T_expected: np.ndarray | None, *, is_carried: bool
     ) -> None:
         """Fill in a row of a fragment. Nothing corrects poses there, so those of the rows give the motion."""
-        last, T_odom_cam, stands = self._last_of_fragment, np.eye(4), True
-        if last is not None and last["fragment"] == row["fragment"]:
-            T_odom_cam, stands = last["T_odom_cam"], is_carried or not self._is_motion(last, row)
+        last, stands = self._last_of_fragment, True
+        if last is not None and last["fragment"] == row["fragment"] and not is_carried:
+            stands = not self._is_motion(last, row)
             if not stands:
                 T = row["T_world_cam"] if T_expected is None else T_expected
-                T_odom_cam = orthonormal(T_odom_cam @ inverse(last["T_world_cam"]) @ T)
-        row["T_odom_cam"], row["odometry_stands"] = T_odom_cam, stands
+                self._T_odom_cam = orthonormal(self._T_odom_cam @ inverse(last["T_world_cam"]) @ T)
+        row["T_odom_cam"], row["odometry_stands"] = self._T_odom_cam, stands
         self._last_of_fragment = row.copy()
+        self._last = None  # the motion since that frame of the map is in the path already
 
     def _is_motion(self, last: np.ndarray | None, row: np.ndarray) -> bool:
         if last is None or last["map_epoch"] != row["map_epoch"]:
@@ -108,6 +109,14 @@ class SmoothPath:
         T_world_key = store.poses_of(np.array([self._last["keyframe"], row["keyframe"]]))
         T_last, T = T_world_key @ np.stack([self._last["T_keyframe_cam"], row["T_keyframe_cam"]])
         return inverse(T_last) @ (T if T_expected is None else T_expected)
+
+
+def _newest_odometry(log: PoseLog) -> np.ndarray:
+    """The path at the newest row of any frame, [4, 4]; the identity if there is none."""
+    for rows in log.slabs(newest_first=True):
+        if len(rows):
+            return rows[-1]["T_odom_cam"].copy()
+    return np.eye(4)
 
 
 def _newest_with_pose(log: PoseLog) -> np.ndarray | None:

@@ -160,10 +160,10 @@ class Pose(Message, frozen=True, kw_only=True):
     describes the error against the first frame's pose, or against a saved map: on the two sequences of its
     calibration, 95 % of the true errors lie inside its 95 % ellipsoid, on another sequence 50 %.
     Empty: unknown. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without the jumps of
-    corrections; it begins with the run and drifts. Frames of a fragment have a path of their own, which
-    begins with the fragment. Empty: unknown. `odometry_stands`: the motion to this frame is unknown, as after
-    a gap or when a lost camera is found; `odometry` then repeats the last pose. If the pose of the camera on
-    the robot is known, height and tilt of `base_link` are then set to those in the map.
+    corrections; it begins with the run and drifts, and goes on in a fragment. Empty: unknown.
+    `odometry_stands`: the motion to this frame is unknown, as after a gap, when a fragment begins or when a
+    lost camera is found; `odometry` then repeats the last pose. If the pose of the camera on the robot is
+    known, height and tilt of `base_link` are then set to those in the map.
 
     `up`: direction against gravity in the world, measured by an IMU. Empty: unknown.
 

@@ -14,11 +14,12 @@ from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 class RobotMotion(NamedTuple):
     """The robot at one frame: poses [4, 4], covariances [6, 6] m, rad about the origin of `base_link`.
 
-    `twist`: [6] m/s and rad/s since the frame before, in axes of `base_link`. None: unknown.
+    `twist`: [6] m/s and rad/s since the frame before, in axes of `base_link`. None: unknown, as the pose in
+    the map is while the camera is in a fragment.
     """
 
-    T_map_base: np.ndarray
-    T_map_odom: np.ndarray
+    T_map_base: np.ndarray | None
+    T_map_odom: np.ndarray | None
     T_odom_base: np.ndarray
     covariance_in_map: np.ndarray | None
     covariance_in_odom: np.ndarray | None
@@ -27,7 +28,7 @@ class RobotMotion(NamedTuple):
 
 
 class RobotPath:
-    """Follows poses that are not lost, in their order.
+    """Follows poses of the map and of fragments, in their order.
 
     `by_wall_clock`: speeds are by `stamp_ns`, as with --rate-hz; else by the clock of the source.
     """
@@ -40,6 +41,10 @@ class RobotPath:
         """The robot at the next pose."""
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
         T_odom_cam = pose_matrix(pose.odometry) if pose.odometry else T_world_cam
+        if pose.fragment:
+            T_odom_base = frames.in_odom(T_odom_cam)
+            twist, _ = self._twist(pose, T_odom_base)
+            return RobotMotion(None, None, T_odom_base, None, None, twist, None)
         T_map_base, T_odom_base = frames.base_pose(T_world_cam), frames.in_odom(T_odom_cam)
         T_map_odom = T_map_base @ inverse(T_odom_base)
         twist, seconds = self._twist(pose, T_odom_base)

@@ -52,13 +52,13 @@ class DrawnPoses:
         if pose.status == "lost":
             return []
         robot = self._robot
+        frames = RobotFrames(robot.T_base_cam, robot.level()) if robot else _CAMERA_ALONE
+        motion = self._path.next(pose, frames)
+        assert motion.T_map_base is not None and motion.T_map_odom is not None  # not of a fragment
         if robot is None:
-            motion = self._path.next(pose, _CAMERA_ALONE)
             chain = [(WORLD, CAMERA, motion.T_map_base)]
             body, covariance = chain[0], motion.covariance_in_map
         else:
-            frames = RobotFrames(robot.T_base_cam, robot.level())
-            motion = self._path.next(pose, frames)
             body, covariance = (
                 (robot.odom, robot.base, motion.T_odom_base),
                 motion.covariance_in_odom,

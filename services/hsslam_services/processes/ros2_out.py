@@ -96,7 +96,10 @@ def _floor_out(worker: Worker, node: RosNode, messages: RosMessages, frame: str)
 
 
 class Ros2Out:
-    """Publishes poses, transforms, path and points; nothing for a lost frame, so ROS sees old transforms."""
+    """Publishes poses, transforms, path and points; for a frame of a fragment all but its place in the map.
+
+    It publishes nothing for another lost frame, so ROS sees old transforms.
+    """
 
     def __init__(self, worker: Worker, node: RosNode, messages: RosMessages) -> None:
         self._worker = worker
@@ -147,13 +150,13 @@ class Ros2Out:
         """Publish a pose, and path and points if they are due."""
         is_past = pose.map_epoch != self._state.map_epoch  # of a frame that is sent again
         is_again = self._last_ns == self._stamp_ns(pose)
-        if pose.status == "lost" or is_again or is_past:
+        if (pose.status == "lost" and not pose.fragment) or is_again or is_past:
             return
         with self._worker.timed("ros2"):
             self._publish_pose(pose)
             now_s = time.monotonic()
             is_path_due = now_s >= self._next_path_s and self._path.has_subscribers()
-            if is_path_due and self._knows_all_stamps():
+            if is_path_due and not pose.fragment and self._knows_all_stamps():
                 self._next_path_s = now_s + _PATH_S
                 self._publish_path(pose)
             is_due = now_s >= self._next_points_s and not pose.is_dead_reckoned
@@ -168,13 +171,13 @@ class Ros2Out:
         self._last_ns = stamp_ns
         motion = self._motions.next(pose, self.frames)
         if self._transforms is not None:
-            chain = [
-                (names.map, names.odom, motion.T_map_odom),
-                (names.odom, names.base, motion.T_odom_base),
-            ]
+            chain = [(names.odom, names.base, motion.T_odom_base)]
+            if motion.T_map_odom is not None:
+                chain.insert(0, (names.map, names.odom, motion.T_map_odom))
             self._transforms.put(make.transforms(stamp_ns, chain))
-        known = motion.covariance_in_map
-        self._pose.put(make.pose(stamp_ns, names.map, motion.T_map_base, known))
+        if motion.T_map_base is not None:
+            known = motion.covariance_in_map
+            self._pose.put(make.pose(stamp_ns, names.map, motion.T_map_base, known))
         self._odometry.put(
             make.odometry(
                 stamp_ns,

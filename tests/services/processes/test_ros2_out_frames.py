@@ -195,6 +195,40 @@ def test_the_covariance_of_odometry_has_the_axes_of_odom(node):
     np.testing.assert_allclose(by_odom, R @ by_map @ R.T, atol=1e-12)
 
 
+def test_a_camera_in_a_fragment_has_odometry_and_no_place_in_the_map(node):
+    """Its pose is one in the fragment: the local costmap goes on."""
+    heard = ("/tf", "/hsslam/odom", "/hsslam/pose")
+    for topic in heard:
+        node.listener.hear(topic)
+    until(lambda: node.tell() and all(map(node.listener.count, heard)), 60)
+    fragment = {"status": "lost", "fragment": 1, "covariance": []}
+    begins_ns = node.tell(**fragment, odometry_stands=True)
+    goes_on_ns = node.tell(**fragment)
+    lost_ns = node.tell(status="lost")
+    found_ns = node.tell()
+    odometry: dict[int, Any] = {}
+    chains: dict[int, set[str]] = {}
+
+    def are_heard() -> bool:
+        for one in node.listener.heard("/hsslam/odom"):
+            odometry[_stamp_ns(one.by_rosbags)] = one.by_rosbags
+        for one in node.listener.heard("/tf"):
+            transforms = one.by_rosbags.transforms
+            children = {each.child_frame_id for each in transforms}
+            chains[_stamp_ns(transforms[0])] = children
+        return found_ns in odometry and found_ns in chains
+
+    until(are_heard, 60)
+    posed_ns = {_stamp_ns(one.by_rosbags) for one in node.listener.heard("/hsslam/pose")}
+    assert not posed_ns & {begins_ns, goes_on_ns, lost_ns}
+    assert lost_ns not in odometry and lost_ns not in chains
+    assert chains[begins_ns] == chains[goes_on_ns] == {"one/base_link"}
+    assert chains[found_ns] == {"one/odom", "one/base_link"}
+    moves = odometry[goes_on_ns]
+    assert abs(moves.twist.twist.linear.y + 3.0) < 1e-4
+    assert moves.pose.covariance[0] == 1e6 == odometry[begins_ns].twist.covariance[0]
+
+
 def test_frames_of_a_robot_begin_with_its_prefix(node):
     """Two runs at one router must not mix their transforms."""
     for topic in ("/tf", "/hsslam/pose", "/hsslam/odom"):
