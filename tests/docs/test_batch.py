@@ -34,14 +34,18 @@ def test_aws_accepts_definition_and_job():
     assert files[1]["jobDefinition"] == files[0]["jobDefinitionName"]
     shell, _, script = files[0]["containerProperties"]["command"]
     assert shell == "sh"
-    _expect_work(script.replace("$AWS_BATCH_JOB_ARRAY_INDEX", "7").removeprefix("exec "))
+    line = script.replace("$AWS_BATCH_JOB_ARRAY_INDEX", "7").removeprefix("exec ")
+    _expect_work(line, most_s=files[0]["timeout"]["attemptDurationSeconds"])
 
 
-def _expect_work(line: str) -> None:
-    """The line is `hsslam-batch work` for log 7, with options that there are."""
+def _expect_work(line: str, most_s: float) -> None:
+    """The line is `hsslam-batch work` for log 7, with options that there are; it ends by itself before
+    `most_s`, when the scheduler ends it without a row."""
     command, work, *words = shlex.split(line)
     assert (command, work) == ("hsslam-batch", "work")
-    assert parse_options(WorkOptions, "hsslam-batch work", words).index == 7
+    options = parse_options(WorkOptions, "hsslam-batch work", words)
+    assert options.index == 7
+    assert options.timeout_s is not None and 0.9 * most_s < options.timeout_s <= most_s - 120
 
 
 def test_argo_knows_every_field_of_its_workflow():
@@ -55,7 +59,7 @@ def test_argo_knows_every_field_of_its_workflow():
         part.replace("{{inputs.parameters.index}}", "7") for part in work["container"]["command"]
     ]
     options = parse_options(WorkOptions, "hsslam-batch work", command[2:])
-    assert command[:2] == ["hsslam-batch", "work"] and options.index == 7
+    assert command[:2] == ["hsslam-batch", "work"] and options.index == 7 and options.timeout_s
 
 
 def _unread(given: Any, read: Any, path: str = "") -> list[str]:
@@ -75,7 +79,10 @@ def test_the_array_of_slurm_is_a_script():
     (script,) = _blocks("bash")
     subprocess.run(["bash", "-n"], input=script, text=True, check=True)
     (line,) = (line for line in script.splitlines() if line.startswith("srun "))
-    _expect_work(line.removeprefix("srun ").replace("$SLURM_ARRAY_TASK_ID", "7"))
+    (limit,) = re.findall(r"--time=(\d+):(\d+):(\d+)", script)
+    hours, minutes, seconds = map(int, limit)
+    most_s = 3600 * hours + 60 * minutes + seconds
+    _expect_work(line.removeprefix("srun ").replace("$SLURM_ARRAY_TASK_ID", "7"), most_s)
 
 
 def test_ray_knows_the_commands_of_a_cluster_by_hand():
