@@ -21,7 +21,7 @@ from hsslam_node.errors import (
 )
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
-from hsslam_services.run.camera_progress import UNREAD
+from hsslam_services.run.camera_progress import SOURCE_FRAMES, UNREAD
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
 from hsslam_services.run.summary import read_summary
 
@@ -85,7 +85,7 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
     if done != sent or sent + frames.get("bad", 0) != expected:
         return "crash", f"{done} of {expected} frames have a pose, {sent} were sent"
     processes = summary.get("processes", {})
-    if unread := processes.get("camera", {}).get("counters", {}).get(UNREAD):
+    if unread := _of_camera(summary).get(UNREAD):
         return "crash", f"{unread} frames could not be read: the disk or its network failed"
     for name in _OF_THE_POSES:
         if restarts := processes.get(name, {}).get("restarts"):
@@ -98,12 +98,21 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
     return "done", ""
 
 
-def selected_frames(batch: Batch, source: str) -> int | None:
+def _of_camera(summary: dict[str, Any]) -> dict[str, int]:
+    """The counters of the camera of a run."""
+    return summary.get("processes", {}).get("camera", {}).get("counters", {})
+
+
+def selected_frames(summary: dict[str, Any], batch: Batch, source: str) -> int | None:
     """Number of frames of a source that a run uses; None: not known before the run.
+
+    The camera of the run has counted them; opens the source if it has not, which may take as long as a run.
 
     Raises:
         UserError: the log is missing or not readable.
     """
+    if (counted := _of_camera(summary).get(SOURCE_FRAMES)) is not None:
+        return counted
     options = parse_command_line(["--config", str(batch.config)]).source_options
     return open_any_source(source, options).frame_count
 

@@ -162,7 +162,7 @@ def _attempt(
     summary = summary_of(run_dir)
     if kind == "done":
         try:
-            expected = selected_frames(batch, here.source)
+            expected = selected_frames(summary, batch, here.source)
         except UserError as error:
             kind = kind_of_error(str(error))
             reason = f"the log cannot be read after the run: {error}"

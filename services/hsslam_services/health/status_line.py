@@ -17,6 +17,7 @@ from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import frames_dropped, frames_sent, load_level
 from hsslam_services.launch.child import Child
+from hsslam_services.run.camera_progress import SOURCE_FRAMES
 
 _REDRAW_S = 0.25
 _PRINT_S = 5.0
@@ -88,7 +89,7 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     After the number of the frame stands how many the source has, or has sent if it has no end.
     """
     pose = state.pose
-    length = children["camera"].counted("source_frames") if "camera" in children else 0
+    length = children["camera"].counted(SOURCE_FRAMES) if "camera" in children else 0
     frames = length or frames_sent(children, state)
     now_s = time.monotonic()
     has_none = state.tracking(now_s) == "none"

@@ -33,7 +33,7 @@ from hsslam_services.camera.reopening import live_frames, open_with_patience, wi
 from hsslam_services.governor.source_waits import ReadItem, SourceWaits
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
-from hsslam_services.run.camera_progress import UNREAD, CameraProgress
+from hsslam_services.run.camera_progress import SOURCE_FRAMES, UNREAD, CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
@@ -87,7 +87,7 @@ def _run(worker: Worker) -> None:
     if source is None:
         return
     if source.frame_count is not None:
-        worker.counters["source_frames"] = source.frame_count
+        worker.counters[SOURCE_FRAMES] = source.frame_count
     # in lockstep, a dropped frame would block the run: wait for a congested link instead
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace

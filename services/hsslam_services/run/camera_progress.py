@@ -8,7 +8,9 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
 _LAYOUT = struct.Struct("<qqqqqqqqqqq")
-UNREAD = "unread frames"  # counter of the camera, in its heartbeats
+# counters of the camera, in its heartbeats
+UNREAD = "unread frames"
+SOURCE_FRAMES = "source_frames"  # that the run uses; missing if the source does not know
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """What an attempt has fetched stays for the next one of its batch, or for none."""
 
 import dataclasses
+import json
 import os
 import shutil
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, place_of, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.cluster.command import waiting_tries
@@ -123,15 +125,38 @@ def test_files_beside_a_log_want_room_on_the_disk_too(
     assert outcome.kind == "unavailable" and outcome.reason.endswith(said), outcome.reason
 
 
+def _python(folder: Path, script: str) -> str:
+    """A script in the place of Python."""
+    path = folder / "python"
+    path.write_text(f"#!/bin/bash\n{script}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize(("counted", "kind"), [(20, "done"), (21, "crash"), (None, "bad input")])
+def test_the_camera_of_the_run_has_counted_the_frames_of_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: int | None, kind: Kind
+):
+    """Nothing opens the log again, which would be an error here: it is no log by now."""
+    batch = planned(tmp_path / "out", frames=(0,))
+    (log,) = read_manifest(batch.out)
+    log = dataclasses.replace(log, place=str(tmp_path / "log.mcap"))
+    Path(log.place).write_bytes(b"no log")
+    counters = {} if counted is None else {"source_frames": counted}
+    camera = {"processes": {"camera": {"counters": counters}}}
+    summary = tmp_path / "summary.json"
+    summary.write_text(json.dumps({"frames": {"in": 20, "tracked": 20, "lost": 0}} | camera))
+    script = f'mkdir "${{@: -1}}" && exec cp {summary} "${{@: -1}}"'  # --out is the last option
+    monkeypatch.setattr(sys, "executable", _python(tmp_path, script))
+    outcome = serve_log(batch, log, Terms())
+    assert (outcome.kind, outcome.frames) == (kind, 20), outcome.reason
+
+
 @pytest.mark.alone
 def test_a_run_has_the_time_that_the_fetch_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A script in the place of Python: the fetch takes 0.8 s, the run would take a minute."""
-    slow = tmp_path / "python"
-    slow.write_text(
-        '#!/bin/sh\ncase "$*" in *attempt.fetch*) exec sleep 0.8;; esac\nexec sleep 60\n'
-    )
-    slow.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(slow))
+    slow = 'case "$*" in *attempt.fetch*) exec sleep 0.8;; esac\nexec sleep 60'
+    monkeypatch.setattr(sys, "executable", _python(tmp_path, slow))
     batch, log = _in_store(tmp_path / "out")
     outcome = serve_log(batch, log, Terms(limits=Limits(timeout_s=1.7)))
     assert outcome.reason == "stopped: took longer than 1.7 s (--timeout)"
