@@ -26,11 +26,12 @@ class Tally:
         self.tried_again = 0
         self.core_s = 0.0
         self._settled_frames = 0
+        self._made_frames = 0  # by runs; a failed one may have made none of its log's frames
         self._running: Mapping[str, int] = {}
         for outcome in settled:
             self.settle(outcome)
         self.core_s = 0.0  # of logs that end from now on
-        self._begun_at_frames = self._settled_frames
+        self._made_frames = 0  # from now on
         self._begun_s = time.monotonic()
 
     @property
@@ -55,8 +56,7 @@ class Tally:
     @property
     def frames_done(self) -> int:
         """Frames of logs that are done or failed, and frames of running logs so far."""
-        running = sum(min(n, self._known.get(i, n)) for i, n in self._running.items())
-        return self._settled_frames + running
+        return self._settled_frames + self._running_frames()
 
     def settle(self, outcome: Outcome) -> None:
         """Count a log that is done or has failed for good."""
@@ -65,6 +65,7 @@ class Tally:
         self.core_s += outcome.core_s
         self._running = {i: n for i, n in self._running.items() if i != outcome.id}
         self._settled_frames += self._known.get(outcome.id, outcome.frames)
+        self._made_frames += outcome.frames
         if outcome.id in self._unknown:
             self._unknown.remove(outcome.id)
             if outcome.is_done:
@@ -80,10 +81,14 @@ class Tally:
     def rest_s(self) -> float | None:
         """Remaining time at the pace since the start, s; None before the first frame, or if no log has a
         known length."""
-        made, frames = self.frames_done - self._begun_at_frames, self.frames
+        made, frames = self._made_frames + self._running_frames(), self.frames
         if made <= 0 or frames is None:
             return None
         return (time.monotonic() - self._begun_s) / made * (frames - self.frames_done)
+
+    def _running_frames(self) -> int:
+        """Frames of running logs so far."""
+        return sum(min(n, self._known.get(i, n)) for i, n in self._running.items())
 
     def line(self) -> str:
         """All counts in one line."""

@@ -62,7 +62,7 @@ def test_metrics_follow_the_counts(tmp_path: Path):
     with BatchProgress(batch, tally, file) as progress:
         begun = _read(file)
         progress.tried_again(outcome(batch, 1, "crash"))
-        progress.settled(outcome(batch, 1, core_s=7.5))
+        progress.settled(outcome(batch, 1, frames=200, core_s=7.5))
     ended = _read(file)
     states = {s: ended[f"hsslam_batch_logs{s}"] for s in ("done", "failed", "left")}
     assert states == {"done": 2, "failed": 0, "left": 1} and begun["hsslam_batch_logsleft"] == 2

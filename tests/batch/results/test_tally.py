@@ -24,10 +24,25 @@ def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert tally.frames_done == 350
     assert tally.rest_s() == pytest.approx(10.0 / 250 * 100)
     assert tally.line() == "1 done, 0 failed, 2 left; 350 of 450 frames; about 4 s left"
-    tally.settle(outcome(batch, 1, "crash"))
+    tally.settle(outcome(batch, 1, "crash", frames=40))
     tally.run({})
     assert (tally.failed, tally.frames_done) == (1, 300)
-    assert tally.rest_s() == pytest.approx(20.0 / 200 * 150)
+    assert tally.rest_s() == pytest.approx(20.0 / 40 * 150)  # it has made no more
+
+
+def test_logs_that_fail_at_once_say_nothing_of_the_pace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    batch = planned(tmp_path / "out", frames=(1000,) * 10)
+    now = [1000.0]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    tally = Tally(read_manifest(batch.out), [])
+    for k in range(5):
+        tally.settle(outcome(batch, k, "bad input"))
+    now[0] = 1100.0
+    assert tally.frames_done == 5000 and tally.rest_s() is None
+    tally.settle(outcome(batch, 5, frames=1000))
+    assert tally.rest_s() == pytest.approx(100.0 / 1000 * 4000)
 
 
 @pytest.mark.parametrize(("kind", "frames"), [("done", 120), ("bad input", 0)])
