@@ -38,6 +38,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
         sync_folder(target.parent)
         _link_recordings(batch, outcome.id)
         write_durably(batch.done_file(outcome.id), encoded(outcome))
+        os.utime(target.parent)  # a table that was made before the row is an old one
         batch.failed_file(outcome.id).unlink(missing_ok=True)
 
 

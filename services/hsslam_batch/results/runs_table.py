@@ -1,6 +1,7 @@
 """`runs.parquet`: a row a log with its outcome and the paths of its results, for pandas, DuckDB, Polars."""
 
 import io
+import os
 import typing
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,7 +41,8 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
         OSError: the folder or the store is not writable.
         UserError: the store is not readable.
     """
-    _write(batch, _rows(batch, logs))
+    newest_ns = _newest_ns(batch)
+    _write(batch, _rows(batch, logs), newest_ns)
     return batch.out / RUNS
 
 
@@ -51,11 +53,12 @@ def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
         OSError: the folder or the store is not writable.
         UserError: the store is not readable.
     """
+    newest_ns = _newest_ns(batch)
     try:
         rows = known_rows(batch, logs)
     except NoTableError:
         rows = _rows(batch, logs)
-    _write(batch, rows)
+    _write(batch, rows, newest_ns)
     return rows
 
 
@@ -74,16 +77,13 @@ def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
 
 
 def is_current(batch: Batch) -> bool:
-    """Whether the table of a folder is whole, and newer than plan and results."""
+    """Whether the table of a folder is whole, and plan and results are those of which it was made."""
     try:
         written_ns = (batch.out / RUNS).stat().st_mtime_ns
         is_whole = (batch.out / RUNS).read_bytes().endswith(_MAGIC)  # PyArrow imports pandas
     except OSError:
         return False
-    # a rename in these folders adds or removes results
-    changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
-    newest_ns = max((path.stat().st_mtime_ns for path in changed if path.exists()), default=0)
-    return is_whole and newest_ns <= written_ns
+    return is_whole and _newest_ns(batch) <= written_ns
 
 
 def read_runs(out: Path) -> list[dict[str, Any]]:
@@ -95,8 +95,16 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
     return _read(out / RUNS, out / RUNS)
 
 
-def _write(batch: Batch, rows: Sequence[dict[str, Any]]) -> None:
+def _newest_ns(batch: Batch) -> int:
+    """When plan or results of a folder last changed; each commit sets the time of one of these folders."""
+    changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
+    return max((path.stat().st_mtime_ns for path in changed if path.exists()), default=0)
+
+
+def _write(batch: Batch, rows: Sequence[dict[str, Any]], newest_ns: int) -> None:
+    """Write the table, as of the time `newest_ns`: a result that has come since makes it an old one."""
     write_rows(batch.out / RUNS, rows, _columns())
+    os.utime(batch.out / RUNS, ns=(newest_ns, newest_ns))
     batch.publish(RUNS)
 
 

@@ -1,16 +1,21 @@
 """`runs.parquet` has a row for each log that is done or failed, with paths below the folder of the batch."""
 
+import os
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt import commit as commit_module
 from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.plan.parquet_rows import write_rows
 from hsslam_batch.results.runs_table import is_current, read_runs, write_runs
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
+from tests.until import until
 
 
 def test_rows_and_paths(tmp_path: Path):
@@ -53,3 +58,48 @@ def test_a_damaged_table_is_not_current(tmp_path: Path):
     assert is_current(batch)
     table.write_bytes(table.read_bytes()[:-8])
     assert not is_current(batch)
+
+
+def test_a_table_without_a_row_that_came_while_it_was_made_is_not_current(tmp_path: Path):
+    batch = planned(tmp_path / "out", frames=(100, 200))
+    row = batch.failed_file("id1")
+    row.parent.mkdir()
+    os.mkfifo(row)  # the table waits for it once it has read the row before
+    with ThreadPoolExecutor(1) as pool:
+        written = pool.submit(write_runs, batch, read_manifest(batch.out))
+        with row.open("wb"):
+            _wait_for_a_later_time(tmp_path)
+            settle_failed(batch, outcome(batch, 0, "bad input"))
+            _wait_for_a_later_time(tmp_path)
+        written.result()
+    assert read_runs(batch.out) == [] and not is_current(batch)
+
+
+def test_a_table_that_was_made_between_folder_and_row_of_a_result_is_not_current(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    batch = planned(tmp_path / "out", frames=(100,))
+    link = commit_module._link_recordings
+
+    def made_meanwhile(batch: Batch, log_id: str) -> None:
+        write_runs(batch, read_manifest(batch.out))
+        assert is_current(batch)
+        _wait_for_a_later_time(tmp_path)
+        link(batch, log_id)
+
+    monkeypatch.setattr(commit_module, "_link_recordings", made_meanwhile)
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    assert read_runs(batch.out) == [] and not is_current(batch)
+    write_runs(batch, read_manifest(batch.out))
+    assert len(read_runs(batch.out)) == 1 and is_current(batch)
+
+
+def _wait_for_a_later_time(folder: Path) -> None:
+    """Until a change of a file gets a later time than one before; the clock of files goes in steps."""
+
+    def changed_ns() -> int:
+        (folder / "probe").touch()
+        return (folder / "probe").stat().st_mtime_ns
+
+    before_ns = changed_ns()
+    until(lambda: changed_ns() > before_ns)
