@@ -158,7 +158,7 @@ def _show_changes(
         )
     only = {row["name"] for row in before} ^ {row["name"] for row in after}
     if only:
-        console.print(f"{len(only)} logs are in only one of the two batches")
+        console.print(f"{len(only)} logs are done or failed in only one of the two batches")
     is_worse = failed or any(change.worse or change.gone for change in changes)
     return _WORSE if is_worse else 0
 

@@ -3,7 +3,7 @@
 import io
 import os
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,14 @@ class NoTableError(UserError):
 def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
     """Write the table of all logs that are done or failed; paths are relative to the folder of the batch.
 
+    A log that is left, as `status` counts it, has no row.
+
     Raises:
         OSError: the folder or the store is not writable.
         UserError: the store is not readable.
     """
     newest_ns = _newest_ns(batch)
-    _write(batch, _rows(batch, logs), newest_ns)
+    _write(batch, _rows(batch, logs, all_settled(batch, logs)), newest_ns)
     return batch.out / RUNS
 
 
@@ -57,7 +59,7 @@ def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
     try:
         rows = known_rows(batch, logs)
     except NoTableError:
-        rows = _rows(batch, logs)
+        rows = _rows(batch, logs, all_settled(batch, logs))
     _write(batch, rows, newest_ns)
     return rows
 
@@ -65,14 +67,16 @@ def renew_runs(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
 def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
     """The rows of all logs that are done or failed; writes nothing.
 
-    A log whose results were removed keeps its row of the table.
+    A log whose results were removed keeps its row of the table, until it has a further attempt.
 
     Raises:
         UserError: the table or the store is not readable.
     """
     current = batch.about.configuration
-    rows = {row["id"]: row for row in _written(batch) if row["configuration"] == current}
-    rows |= {row["id"]: row for row in _rows(batch, logs)}
+    written = [row for row in _written(batch) if row["configuration"] == current]
+    settled = all_settled(batch, logs)
+    rows = {row["id"]: row for row in written if row["id"] not in settled}
+    rows |= {row["id"]: row for row in _rows(batch, logs, settled)}
     return [rows[log.id] for log in logs if log.id in rows]
 
 
@@ -129,9 +133,11 @@ def _written(batch: Batch) -> list[dict[str, Any]]:
     return _read(io.BytesIO(found[RUNS]), f"{batch.url}/{RUNS}") if found else []
 
 
-def _rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
-    settled = all_settled(batch, logs)
-    return [_row(batch, log, settled[log.id]) for log in logs if log.id in settled]
+def _rows(
+    batch: Batch, logs: Sequence[Log], settled: Mapping[str, Outcome]
+) -> list[dict[str, Any]]:
+    over = {log_id: outcome for log_id, outcome in settled.items() if not outcome.is_left}
+    return [_row(batch, log, over[log.id]) for log in logs if log.id in over]
 
 
 def _row(batch: Batch, log: Log, outcome: Outcome) -> dict[str, Any]:

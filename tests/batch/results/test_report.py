@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 
 from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.results.comparison import FIGURES, compare
 from hsslam_batch.results.costs import costs
 from hsslam_batch.results.report import report_command
 from hsslam_batch.results.runs_table import read_runs
+from hsslam_batch.results.status import status_command
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
 
@@ -189,3 +191,23 @@ def test_what_is_beyond_noise():
     assert [pair.name for pair in change.worse] == ["log4", "log1"]  # log2 is too small to matter
     (other,) = [c for c in compare(after, before, 0.2) if c.pairs]
     assert other.better == 2 and other.worse == []
+
+
+def test_a_log_that_is_left_is_neither_failed_nor_worse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """One has attempts left, one could not be fetched; `status` counts both as left."""
+    before = _batch(tmp_path / "a", (0.01, 0.02, 0.03))
+    after = _batch(tmp_path / "b", (0.01, 0.02, 0.03))
+    assert report_command([str(after.out)]) == 0
+    lefts: tuple[tuple[int, Kind], ...] = ((1, "crash"), (2, "unavailable"))
+    for k, kind in lefts:
+        after.done_file(f"id{k}").unlink()
+        settle_failed(after, outcome(after, k, kind, reason="why", retries=2))
+    assert status_command([str(after.out)]) == 1
+    capsys.readouterr()
+    assert report_command([str(after.out), "--against", str(before.out)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("1 logs: 1 done\n") and "was done" not in shown
+    assert shown.endswith("2 logs are done or failed in only one of the two batches\n")
+    assert [row["name"] for row in read_runs(after.out)] == ["log0"]
