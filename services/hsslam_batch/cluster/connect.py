@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # send no usage statistics
 def connected(address: str, messages: Path | None = None) -> Iterator[None]:
     """Connect to Ray in the block; at its end shut down a Ray that was started here.
 
+    A Ray that was started here does not hear SIGHUP: if the terminal goes away, running tasks finish.
+
     messages: file to which stdout is appended in the block, since Ray prints a page of state to stdout if a
     node dies; None: stdout stays.
 
@@ -35,7 +38,8 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
     import ray
 
     try:
-        _connect(address)
+        with _hang_up_blocked():
+            _connect(address)
     except SystemExit:  # Ray's handler of SIGTERM
         raise KeyboardInterrupt from None
     except Exception as error:  # Ray raises many types, also Exception itself
@@ -64,6 +68,19 @@ def _stdout_in(path: Path | None) -> Iterator[None]:
         return
     with path.open("a", buffering=1) as stream, contextlib.redirect_stdout(stream):
         yield
+
+
+@contextlib.contextmanager
+def _hang_up_blocked() -> Iterator[None]:
+    """Block SIGHUP in the block, and for good in the processes that it starts, as Ray does with SIGINT.
+
+    One that comes meanwhile is heard after the block.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _connect(address: str) -> None:

@@ -1,7 +1,12 @@
 """Ray of this machine gets more than one chance to start; a cluster that is not there gets one."""
 
+import os
+import signal
 import socket
+import subprocess
+import sys
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from threading import Thread
 
 import pytest
@@ -9,6 +14,40 @@ import pytest
 from hsslam_batch.cluster.connect import connected
 from hsslam_batch.cluster.ray_head import expect_ray_head
 from hsslam_node.errors import UserError
+from tests.until import until
+
+_DRIVER = """
+import sys
+import threading
+from pathlib import Path
+
+import ray
+
+from hsslam_batch.cluster.connect import connected
+from hsslam_services.run.stop_signals import hear_stop_signals
+
+
+def wait(folder):
+    import time
+
+    (folder / "begun").touch()
+    while not (folder / "end").exists():
+        time.sleep(0.05)
+    return "the task has ended"
+
+
+def end(folder):
+    (folder / "end").touch()
+
+
+folder, heard = Path(sys.argv[1]), threading.Event()
+with connected("local"):
+    hear_stop_signals(lambda count: heard.set())
+    waiting = ray.remote(max_retries=0)(wait).remote(folder)
+    heard.wait()
+    ray.get(ray.remote(num_cpus=0, max_retries=0)(end).remote(folder), timeout=120)  # by a new worker
+    print(ray.get(waiting, timeout=120))
+"""
 
 
 @pytest.fixture
@@ -119,3 +158,41 @@ def test_what_is_no_address_is_left_to_ray(address: str):
 def test_what_is_no_name_of_a_host_is_one_line(host: str):
     with pytest.raises(UserError, match=rf"--address {host}:6379: .*: expected a running Ray head"):
         expect_ray_head(f"{host}:6379")
+
+
+@pytest.mark.e2e
+@pytest.mark.xdist_group("ray")  # one cluster at a time
+def test_tasks_of_this_machine_finish_if_the_terminal_goes_away(tmp_path: Path):
+    """The kernel then sends SIGHUP to all processes of the group, those of Ray among them."""
+    driver = subprocess.Popen(
+        [sys.executable, "-c", _DRIVER, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    until((tmp_path / "begun").exists, timeout_s=240.0)
+    os.killpg(driver.pid, signal.SIGHUP)
+    said, _ = driver.communicate(timeout=240.0)
+    assert driver.returncode == 0 and said.endswith("the task has ended\n"), said
+
+
+def test_a_terminal_that_goes_away_while_ray_starts_is_heard_afterwards(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    import ray
+
+    heard: list[int] = []
+
+    def init(address: str, **_: object) -> None:
+        signal.raise_signal(signal.SIGHUP)
+        assert not heard
+
+    monkeypatch.setattr(ray, "init", init)
+    monkeypatch.setattr(ray, "shutdown", lambda: None)
+    before = signal.signal(signal.SIGHUP, lambda number, _: heard.append(number))
+    try:
+        with connected("local"):
+            assert heard == [signal.SIGHUP]
+    finally:
+        signal.signal(signal.SIGHUP, before)
