@@ -34,6 +34,6 @@ def run_folder(batch: Batch, index: int, text: str = "a pose") -> Path:
     """A run folder as an attempt leaves it, with some of the files."""
     folder = batch.work / f"id{index}.1" / "run"
     folder.mkdir(parents=True)
-    for name in ("trajectory.txt", "mesh.ply", "run.rrd", "run.1.rrd"):
+    for name in ("trajectory.txt", "mesh.ply", "run.rrd", "run.1.rrd", "summary.json"):
         (folder / name).write_text(text)
     return folder

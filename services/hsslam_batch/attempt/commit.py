@@ -11,19 +11,23 @@ import msgspec
 
 from hsslam_batch.attempt import store_results
 from hsslam_batch.attempt.outcome import Outcome, encoded
-from hsslam_batch.plan.batch import DONE, Batch
+from hsslam_batch.attempt.whole_run import expect_whole
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
 from hsslam_node.durable_file import sync_folder, write_durably
 from hsslam_services.log.parts import part_number
 
 _LOCK = ".commit.lock"
+_OLDER = "older"  # beside the run folder, until it is removed
 
 
 def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
     """Make a run folder the result of its log; keep the result of an earlier attempt if there is one.
 
+    Results under another configuration count until the run folder takes their place.
+
     Raises:
-        OSError: the folder of the batch cannot be written.
+        OSError: the folder of the batch cannot be written, or the run folder is not there whole.
     """
     if batch.store is not None:
         store_results.commit(batch, batch.store, outcome, run_dir)
@@ -32,14 +36,18 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
     with _alone(batch):
         if _is_done(batch, outcome):
             return
-        _remove(target)
+        expect_whole(run_dir)
         target.parent.mkdir(exist_ok=True)
+        older = run_dir.with_name(_OLDER)
+        if target.exists():
+            target.rename(older)  # in one step: a folder removed in part is no result
         run_dir.rename(target)
         sync_folder(target.parent)
         _link_recordings(batch, outcome.id)
         write_durably(batch.done_file(outcome.id), encoded(outcome))
         os.utime(target.parent)  # a table that was made before the row is an old one
         batch.failed_file(outcome.id).unlink(missing_ok=True)
+        shutil.rmtree(older, ignore_errors=True)
 
 
 def settle_failed(batch: Batch, outcome: Outcome) -> None:
@@ -121,12 +129,6 @@ def _alone(batch: Batch) -> Iterator[None]:
 def _is_done(batch: Batch, outcome: Outcome) -> bool:
     found = settled(batch, outcome.id)
     return found is not None and found.is_done
-
-
-def _remove(folder: Path) -> None:
-    """Remove the row first, so that a folder removed in part is no result."""
-    (folder / DONE).unlink(missing_ok=True)
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _unlink_recordings(batch: Batch, log_id: str) -> None:

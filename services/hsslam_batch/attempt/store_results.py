@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_batch.attempt.outcome import Outcome, encoded
+from hsslam_batch.attempt.whole_run import expect_whole
 from hsslam_batch.plan.batch import DONE, Batch
 from hsslam_batch.plan.store import Store
 
@@ -31,10 +32,11 @@ def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
     Results under another configuration count until the upload is complete.
 
     Raises:
-        OSError: the store fails; the log then has no result.
+        OSError: the store fails, or the run folder is not there whole; the log then has no result.
     """
     if _is_done(batch, store, outcome):
         return
+    expect_whole(run_dir)
     base, row_name = batch.name(batch.run_dir(outcome.id)), batch.name(batch.done_file(outcome.id))
     folder = f"{outcome.attempt}.{secrets.token_hex(_TOKEN_BYTES)}"
     files = store.upload(run_dir, f"{base}/{folder}")

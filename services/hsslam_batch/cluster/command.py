@@ -1,7 +1,6 @@
 """`hsslam-batch run`: runs all logs that are left as tasks of Ray."""
 
 import contextlib
-import shutil
 import signal
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -13,6 +12,7 @@ from hsslam_batch.attempt.outcome import Outcome, may_try_again
 from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.task import perform
+from hsslam_batch.cluster.work_folder import clear_work
 from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError
 from hsslam_batch.plan.lock import alone
@@ -65,12 +65,12 @@ def _run_all(options: RunOptions) -> int:
     over = [outcome for index, outcome in found.items() if outcome and index not in open_logs]
     tally = Tally(logs, over)
     with _owned(batch, logs):
-        shutil.rmtree(batch.work, ignore_errors=True)  # of a run that was killed
+        clear_work(batch)
         stopped = _run(batch, logs, waiting, tally, options)
         settle_recordings(batch, logs)
         write_runs(batch, logs)
         if not tally.left:
-            shutil.rmtree(batch.work, ignore_errors=True)
+            clear_work(batch)
     print_at_end(tally.line())
     if tally.left:
         if not stopped:

@@ -68,8 +68,13 @@ class Store:
         return True
 
     def upload(self, folder: Path, name: str) -> list[str]:
-        """Upload all files of a folder of this machine below `name`; returns their paths below it, sorted."""
+        """Upload all files of a folder of this machine below `name`; returns their paths below it, sorted.
+
+        Raises OSError, too, if there are none, or if one of them is removed before the end.
+        """
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        if not paths:
+            raise OSError(f"{folder}: no files: expected a folder to upload")
         names = [path.relative_to(folder).as_posix() for path in paths]
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             list(pool.map(self._put, paths, (f"{name}/{below}" for below in names)))

@@ -24,7 +24,7 @@ def again(batch: Batch) -> dict[str, float]:
     for log in read_manifest(batch.out):
         run_dir = batch.work / log.id
         run_dir.mkdir(parents=True)
-        (run_dir / "trajectory.txt").write_text(log.name)
+        (run_dir / "summary.json").write_text(log.name)
         configuration = batch.about.configuration
         commit(batch, Outcome(log.id, log.name, configuration, 1, "done"), run_dir)
     found: dict[str, float] = {}

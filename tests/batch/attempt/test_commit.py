@@ -1,5 +1,6 @@
 """A result counts from one step on, of one configuration, and once."""
 
+import shutil
 import subprocess
 import threading
 from collections.abc import Sequence
@@ -110,6 +111,22 @@ def test_a_failure_under_another_configuration_leaves_the_results_of_the_first(t
     commit(third, outcome(third, 0), _second_run_folder(third))
     assert settled(batch, "id0") is None
     assert (third.run_dir("id0") / "trajectory.txt").read_text() == "second"
+
+
+@pytest.mark.parametrize("is_removed_whole", [True, False])
+def test_a_run_folder_that_was_removed_replaces_no_result(tmp_path: Path, is_removed_whole: bool):
+    batch = planned(tmp_path / "out")
+    good = outcome(batch, 0)
+    commit(batch, good, run_folder(batch, 0))
+    other = planned(tmp_path / "out", seed=1)
+    run_dir = _second_run_folder(other)
+    (run_dir / "summary.json").unlink()
+    if is_removed_whole:
+        shutil.rmtree(run_dir)
+    with pytest.raises(OSError, match=r"run: no summary\.json: expected a run folder"):
+        commit(other, outcome(other, 0), run_dir)
+    assert settled(other, "id0") is None and settled(batch, "id0") == good
+    assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
 
 
 def test_recordings_are_those_of_logs_that_are_done(tmp_path: Path):

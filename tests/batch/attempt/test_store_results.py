@@ -1,5 +1,6 @@
 """Results in an object store count from one step on, once and whole, in spite of its faults."""
 
+import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -10,6 +11,7 @@ import pytest
 
 from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settled
 from hsslam_batch.attempt.store_results import StoredOutcome
+from hsslam_batch.cluster.work_folder import clear_work
 from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
@@ -20,6 +22,7 @@ from hsslam_batch.results.status import status_command
 from hsslam_node.errors import UserError
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.outcomes import outcome, planned, run_folder
+from tests.until import until
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +108,7 @@ def test_the_first_of_attempts_at_once_stays_whole(plan, server):
     assert isinstance(row, StoredOutcome) and row.is_done
     objects = _objects(server, batch, "runs/")
     files = {f"runs/id0/{row.folder}/{name}" for name in row.files}
-    assert objects.keys() == {"runs/id0/_DONE.json", *files} and len(row.files) == 4
+    assert objects.keys() == {"runs/id0/_DONE.json", *files} and len(row.files) == 5
     assert {objects[name] for name in files} == {f"attempt {row.attempt - 1}".encode()}
     assert not _objects(server, batch, "failed/")
 
@@ -116,7 +119,7 @@ def test_what_was_uploaded_in_part_does_not_count(plan, server, monkeypatch):
     assert batch.store
     batch.store.upload(run_dir, "runs/id0/1.0123abcd")  # and then its machine is lost
     left = _objects(server, batch, "runs/")
-    assert len(left) == 4 and settled(batch, "id0") is None
+    assert len(left) == 5 and settled(batch, "id0") is None
     monkeypatch.setattr(tried, "_TRIES", 1)
     with faulty(server[0], Faults(every=1, of_all=True)) as address:
         reach(address, monkeypatch)
@@ -146,7 +149,33 @@ def test_an_attempt_waits_for_a_store_that_is_away(plan, server, monkeypatch):
         commit(batch, outcome(batch, 0), run_folder(batch, 0))
         assert faults.away == 0
         row = settled(batch, "id0")
-    assert row and row.is_done and len(_objects(server, batch, "runs/")) == 5
+    assert row and row.is_done and len(_objects(server, batch, "runs/")) == 6
+
+
+def test_a_run_folder_that_is_removed_meanwhile_becomes_no_result(plan, server, monkeypatch):
+    """As of an attempt of an earlier `run` that still waits for the store when the next one begins."""
+    planned = plan()
+    monkeypatch.setattr(tried, "_LONGEST_WAIT_S", 0.05)
+    faults = Faults(1000, of_all=True, away=math.inf)
+    with faulty(server[0], faults) as address, ThreadPoolExecutor(1) as pool:
+        reach(address, monkeypatch)
+        batch = replace(planned, patience_s=600.0)
+        late = pool.submit(commit, batch, outcome(batch, 0), run_folder(batch, 0))
+        until(lambda: faults.refused)
+        clear_work(batch)
+        faults.away = 0
+        with pytest.raises(OSError, match=r"run: no summary\.json: expected a run folder"):
+            late.result()
+    assert settled(batch, "id0") is None and not _objects(server, batch, "runs/")
+
+
+def test_a_folder_without_files_is_not_uploaded(plan, server, tmp_path: Path):
+    batch = plan()
+    assert batch.store
+    (tmp_path / "empty").mkdir()
+    for name in ("empty", "missing"):
+        with pytest.raises(OSError, match=rf"{name}: no files: expected a folder to upload"):
+            batch.store.upload(tmp_path / name, "runs/id0/1.0123abcd")
 
 
 def test_results_of_another_configuration_are_replaced(plan, server):

@@ -1,0 +1,26 @@
+"""Clears the folder of running attempts; alone because an attempt of an earlier run may still live."""
+
+import contextlib
+import secrets
+import shutil
+
+from hsslam_batch.plan.batch import Batch
+
+_TOKEN_BYTES = 4
+
+
+def clear_work(batch: Batch) -> None:
+    """Remove what attempts have left, as those of a run that was killed.
+
+    Each folder first gets another name: an attempt that still lives finds its run folder whole or not at all,
+    and does not take a part of it for its result. What cannot be removed stays.
+    """
+    removed = batch.work / f".removed.{secrets.token_hex(_TOKEN_BYTES)}"
+    with contextlib.suppress(OSError):
+        found = list(batch.work.iterdir())
+        removed.mkdir()
+        for path in found:
+            with contextlib.suppress(OSError):
+                path.rename(removed / path.name)
+        shutil.rmtree(removed, ignore_errors=True)
+        batch.work.rmdir()

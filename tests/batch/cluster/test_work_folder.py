@@ -1,0 +1,35 @@
+"""What attempts have left goes, and no attempt that still lives takes a part of it for its result."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.commit import commit, settled
+from hsslam_batch.cluster.work_folder import clear_work
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+def test_an_attempt_that_still_lives_finds_no_part_of_its_run_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    batch = planned(tmp_path / "out")
+    run_dir = run_folder(batch, 0)
+    (batch.work / ".removed.0123").mkdir()  # of a `run` that was killed while it removed
+    remove = shutil.rmtree
+    refused = []
+
+    def commit_meanwhile(folder: Path, **options: bool) -> None:
+        with pytest.raises(
+            OSError, match=r"run: no summary\.json: expected a run folder"
+        ) as raised:
+            commit(batch, outcome(batch, 0), run_dir)
+        refused.append(raised.value)
+        remove(folder, **options)
+
+    with monkeypatch.context() as while_it_is_removed:
+        while_it_is_removed.setattr(shutil, "rmtree", commit_meanwhile)
+        clear_work(batch)
+    assert len(refused) == 1 and settled(batch, "id0") is None
+    assert not batch.work.exists()
+    clear_work(batch)  # there is nothing
