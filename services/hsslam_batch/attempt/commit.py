@@ -67,15 +67,17 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
         write_durably(path, encoded(outcome))
 
 
-def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
-    """Make the folder of recordings hold those of the logs that are done, and no others.
+def settle_files(batch: Batch, logs: Sequence[Log]) -> None:
+    """Make the folder of recordings hold those of the logs that are done, and no others; in a store remove
+    what attempts have uploaded that are not the result of their log.
 
     No attempt may run at the same time.
 
     Raises:
-        OSError: the folder of the batch cannot be written.
+        OSError: the folder or the store of the batch cannot be written.
     """
     if batch.store is not None:
+        store_results.remove_other_uploads(batch, batch.store, [log.id for log in logs])
         return
     done = {log_id for log_id, row in all_settled(batch, logs).items() if row.is_done}
     linked = {path.stem for path in batch.rrd_files()}

@@ -1,19 +1,21 @@
 """Commits results to a store: each attempt has its own folder, and the first to create the row is the result.
 
 A store cannot rename, so the files of an attempt go to `runs/ID/ATTEMPT.TOKEN/`. The attempt then creates
-`runs/ID/_DONE.json`, which names that folder. Only one attempt can create it, so files of two never mix.
+`runs/ID/_DONE.json`, which names that folder. Only one attempt can create it, so files of two never mix. No
+attempt removes the files of another one, which may become the result: `run` does so once none runs.
 """
 
 import contextlib
+import itertools
 import secrets
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import msgspec
 
 from hsslam_batch.attempt.outcome import Outcome, encoded
 from hsslam_batch.attempt.whole_run import expect_whole
-from hsslam_batch.plan.batch import DONE, Batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.store import Store
 
 _TOKEN_BYTES = 4
@@ -45,9 +47,29 @@ def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
     if _is_late(batch, store, outcome) or not store.create(row_name, row):
         store.remove(f"{base}/{folder}/{name}" for name in files)
         return
-    kept = (DONE, f"{folder}/")
-    store.remove(f"{base}/{n}" for n in store.sizes(base) if not n.startswith(kept))
     store.remove([batch.name(batch.failed_file(outcome.id))])
+
+
+def remove_other_uploads(batch: Batch, store: Store, ids: Collection[str]) -> None:
+    """Remove the uploads of logs that are done, except those of the results. No attempt may run meanwhile.
+
+    It reads the rows of those logs alone that have uploads of several attempts.
+
+    Raises:
+        OSError: the store fails.
+    """
+    base = batch.name(batch.run_dir("any").parent)
+    uploads: dict[str, dict[str, list[str]]] = {log_id: {} for log_id in ids}
+    for name in store.sizes(base):
+        log_id, _, below = name.partition("/")
+        folder, is_upload, _ = below.partition("/")
+        if log_id in uploads and is_upload:
+            uploads[log_id].setdefault(folder, []).append(f"{base}/{name}")
+    several = [log_id for log_id, folders in uploads.items() if len(folders) > 1]
+    for log_id, row in settled(batch, store, several).items():
+        if isinstance(row, StoredOutcome):
+            others = (files for folder, files in uploads[log_id].items() if folder != row.folder)
+            store.remove(itertools.chain.from_iterable(others))
 
 
 def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:

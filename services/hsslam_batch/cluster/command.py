@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hsslam_batch.attempt.commit import all_settled, settle_recordings
+from hsslam_batch.attempt.commit import all_settled, settle_files
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
 from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
@@ -53,7 +53,7 @@ def _run_all(options: RunOptions) -> int:
     waiting = list(waiting_tries(found, options))
     if not waiting:
         with _owned(batch, logs):
-            settle_recordings(batch, logs)
+            settle_files(batch, logs)
             if batch.url or not is_current(batch):  # `work` may have run a log since
                 write_runs(batch, logs)
         tally = Tally(logs, filter(None, found.values()))
@@ -67,7 +67,7 @@ def _run_all(options: RunOptions) -> int:
     with _owned(batch, logs):
         clear_work(batch)
         stopped = _run(batch, logs, waiting, tally, options)
-        settle_recordings(batch, logs)
+        settle_files(batch, logs)
         write_runs(batch, logs)
         if not tally.left:
             clear_work(batch)

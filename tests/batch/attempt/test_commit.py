@@ -14,7 +14,7 @@ from hsslam_batch.attempt.commit import (
     all_settled,
     commit,
     settle_failed,
-    settle_recordings,
+    settle_files,
     settled,
 )
 from hsslam_batch.plan.batch import Batch, UnavailableError
@@ -101,11 +101,11 @@ def test_a_failure_under_another_configuration_leaves_the_results_of_the_first(t
     failure = outcome(other, 0, "bad input")
     settle_failed(other, failure)
     assert settled(other, "id0") == failure
-    settle_recordings(other, read_manifest(other.out))
+    settle_files(other, read_manifest(other.out))
     assert _recordings(other) == []  # its own
     again = planned(tmp_path / "out")
     assert settled(again, "id0") == good
-    settle_recordings(again, read_manifest(again.out))
+    settle_files(again, read_manifest(again.out))
     assert _recordings(again) == ["rrd.1/id0.rrd", "rrd/id0.rrd"]
     third = planned(tmp_path / "out", seed=2)
     commit(third, outcome(third, 0), _second_run_folder(third))
@@ -135,10 +135,10 @@ def test_recordings_are_those_of_logs_that_are_done(tmp_path: Path):
         commit(batch, outcome(batch, index), run_folder(batch, index))
     batch.done_file("id1").unlink()
     fewer = planned(tmp_path / "out", frames=(100, 200))
-    settle_recordings(fewer, read_manifest(fewer.out))
+    settle_files(fewer, read_manifest(fewer.out))
     assert _recordings(fewer) == ["rrd.1/id0.rrd", "rrd/id0.rrd"]
     again = planned(tmp_path / "out")
-    settle_recordings(again, read_manifest(again.out))
+    settle_files(again, read_manifest(again.out))
     assert _recordings(again) == [f"{part}/id{k}.rrd" for part in ("rrd.1", "rrd") for k in (0, 2)]
     assert again.rrd_file("id2").samefile(again.run_dir("id2") / "run.rrd")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settled
+from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settle_files, settled
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.cluster.work_folder import clear_work
 from hsslam_batch.plan import tried
@@ -132,7 +132,29 @@ def test_what_was_uploaded_in_part_does_not_count(plan, server, monkeypatch):
     commit(batch, outcome(batch, 0, attempt=2), run_dir)
     row = settled(batch, "id0")
     assert row and row.attempt == 2
+    settle_files(batch, read_manifest(batch.out))  # as `run` at its end
     assert not left.keys() & _objects(server, batch, "runs/").keys()
+    assert len(_objects(server, batch, "runs/")) == 6
+
+
+def test_an_attempt_leaves_the_files_of_another_that_may_become_the_result(plan, server):
+    """As in a store that does not refuse to create a file that exists: the last attempt is the result."""
+    batch = plan()
+    commit(batch, outcome(batch, 0), run_folder(batch, 0, "first"))
+    commit(batch, outcome(batch, 1), run_folder(batch, 1, "first"))
+    assert batch.store
+    batch.store.remove(["runs/id0/_DONE.json"])  # not yet written, as the next attempt sees it
+    first = _objects(server, batch, "runs/")
+    commit(batch, outcome(batch, 0, attempt=2), _second_run_folder(batch))
+    assert first.items() <= _objects(server, batch, "runs/").items()
+    row = settled(batch, "id0")
+    assert isinstance(row, StoredOutcome) and row.attempt == 2
+    batch.store.upload(run_folder(batch, 2), "runs/id2/1.0123abcd")  # it may still become a result
+    batch.store.upload(run_folder(batch, 3), "runs/id2/2.0123abcd")
+    settle_files(batch, read_manifest(batch.out))
+    there = _objects(server, batch, "runs/")
+    assert len(there) == 6 + 6 + 10
+    assert all(there[f"runs/id0/{row.folder}/{name}"] == b"second" for name in row.files)
 
 
 def test_an_attempt_waits_for_a_store_that_is_away(plan, server, monkeypatch):
@@ -187,6 +209,7 @@ def test_results_of_another_configuration_are_replaced(plan, server):
     commit(other, outcome(other, 0, attempt=3), run_folder(other, 3, "other"))
     row = settled(other, "id0")
     assert row and row.attempt == 3 and settled(batch, "id0") is None
+    settle_files(other, read_manifest(other.out))
     files = {name for name in _objects(server, batch, "runs/id0/") if not name.endswith(".json")}
     assert len(files) == 4 and all("/3." in name for name in files)
     settle_failed(other, outcome(other, 0, "lost"))
@@ -228,3 +251,9 @@ def test_a_url_without_a_batch_is_one_line(plan, monkeypatch):
 def test_a_file_url_is_a_folder(tmp_path: Path):
     batch = planned(tmp_path / "with a space")
     assert read_batch(f"file://{tmp_path}/with%20a%20space") == batch
+
+
+def _second_run_folder(batch: Batch) -> Path:
+    """The run folder of a second attempt at log 0."""
+    (batch.work / "id0.1").rename(batch.work / "away")
+    return run_folder(batch, 0, "second")
