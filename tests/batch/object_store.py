@@ -53,12 +53,16 @@ class Faults:
 
     `of_all`: of those that write, list and remove, too. Of writes that end half-way one in two comes to the
     server whole, and only its answer is lost. `ranges`: the ranges that were asked for, by path, in order.
-    While `away` is positive, requests are refused and it is counted down.
+    While `away` is positive, requests are refused and it is counted down. `closed`: path of what nobody may
+    read, or the beginning of its path.
     """
 
-    def __init__(self, every: int, *, of_all: bool = False, away: float = 0) -> None:
+    def __init__(
+        self, every: int, *, of_all: bool = False, away: float = 0, closed: str = ""
+    ) -> None:
         self.of_all = of_all
         self.away = away
+        self.closed = closed
         self._lock = threading.Lock()
         self._turns = itertools.cycle(range(2 * every))
         self._every = every
@@ -109,6 +113,9 @@ def faulty(url: str, faults: Faults) -> Iterator[str]:
                 self.close_connection = True
                 return
             sent = self.rfile.read(nbytes)
+            if faults.closed and self.path.startswith(faults.closed):
+                self.send_error(403)
+                return
             if kind == "refuse":
                 self.send_error(503)
                 return

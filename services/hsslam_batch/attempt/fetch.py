@@ -24,11 +24,16 @@ from hsslam_services.commands.cli import exit_code
 _PART_BYTES = 8 << 20  # of one request
 _AT_ONCE = 8  # files
 _LOCK = ".lock"
+REFUSED = 3  # exit code
+
+
+class RefusedError(UserError):
+    """The store does not let this user read a log, such as one that was moved to an archive."""
 
 
 def main() -> int:
-    """Fetch a log; exit code 0 if it is complete, 2 if it is too large or differs from the plan, 1 if the
-    store or the disk fails."""
+    """Fetch a log; exit code 0 if it is complete, 2 if it is too large or differs from the plan, 3 if the
+    store refuses to give it, but not to list the folder of the log, 1 if the store or the disk fails."""
     out, index, folder, most_gb, patience_s = sys.argv[1:]
     limits = float(most_gb), float(patience_s)
     return exit_code(lambda: _fetch(out, int(index), Path(folder), *limits))
@@ -50,6 +55,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
 
     Raises:
         UserError: the log is larger than `most_gb`, or has changed since the plan.
+        RefusedError: this user may not read the log.
         OSError: the store fails at every try in `patience_s`, or the disk is full.
     """
     if log.nbytes > 1e9 * most_gb:
@@ -58,7 +64,8 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
         )
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder, patience_s):
-        listing = asked_listing(log.place, patience_s=patience_s)
+        with _refusal(log.place):
+            listing = asked_listing(log.place, patience_s=patience_s)
         files = planned_files(listing, log)
         store, _ = open_store(log.place)
         base = folder if listing.alone else fetched_place(folder, log)
@@ -83,8 +90,8 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
 def _files_beside(log: Log, store: Any, patience_s: float) -> Iterator[tuple[str, int]]:
     """URL and size of each file beside a log that its kind of source may read, such as a camera that several
     scenes share. They may be missing, new since the plan, or not open to this user."""
-    parent = log.place.rstrip("/").rpartition("/")[0]
-    if parent.endswith(":/"):  # a whole bucket has none beside it
+    parent = _folder(log)
+    if parent == log.place:
         return
     for name in names_beside(log.source):
         url = f"{parent}/{name}"
@@ -92,8 +99,43 @@ def _files_beside(log: Log, store: Any, patience_s: float) -> Iterator[tuple[str
             yield url, int(tried(url, functools.partial(store.info, url), patience_s)["size"])
 
 
-def _fetch(out: str, index: int, folder: Path, most_gb: float, patience_s: float) -> None:
-    fetch_log(read_manifest(read_batch(out).out)[index], folder, most_gb, patience_s)
+def _folder(log: Log) -> str:
+    """URL of the folder in which a log is; a whole bucket is in none but itself."""
+    parent = log.place.rstrip("/").rpartition("/")[0]
+    return log.place if parent.endswith(":/") else parent
+
+
+@contextlib.contextmanager
+def _refusal(url: str) -> Iterator[None]:
+    """Raise RefusedError for a PermissionError in the block."""
+    try:
+        yield
+    except PermissionError as error:
+        raise RefusedError(f"{url}: {error}: expected a log that this user may read") from None
+
+
+def _fetch(out: str, index: int, folder: Path, most_gb: float, patience_s: float) -> int:
+    log = read_manifest(read_batch(out).out)[index]
+    try:
+        fetch_log(log, folder, most_gb, patience_s)
+    except RefusedError as error:
+        _expect_listed(_folder(log), patience_s)
+        print(f"error: {error}", file=sys.stderr)
+        return REFUSED
+    return 0
+
+
+def _expect_listed(url: str, patience_s: float) -> None:
+    """Check that this user may list a folder; if not, as after the end of a token, the log is not at fault.
+
+    Raises:
+        OSError: the store refuses it, or fails at every try in `patience_s`.
+    """
+    store, path = open_store(url)
+    try:
+        tried(url, lambda: store.ls(path), patience_s)
+    except PermissionError as error:
+        raise OSError(f"{url}: {error}") from None
 
 
 def _fetch_file(store: Any, url: str, target: Path, nbytes: int, patience_s: float) -> None:
@@ -114,6 +156,7 @@ def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> byte
     """At least one byte from `first` on, at most those before `end`.
 
     Raises:
+        RefusedError: this user may not read it.
         OSError: the store fails at every try in `patience_s`.
     """
 
@@ -123,7 +166,8 @@ def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> byte
             raise OSError(f"no answer for bytes {first} to {end}")
         return data
 
-    return tried(url, some, patience_s)
+    with _refusal(url):
+        return tried(url, some, patience_s)
 
 
 @contextlib.contextmanager

@@ -19,6 +19,10 @@ from hsslam_batch.plan.folder_size import folder_nbytes
 _CLAIM = ".claim"  # in the folder of a log: its size in bytes
 
 
+class SmallDiskError(OSError):
+    """The whole disk is smaller than a log."""
+
+
 @dataclass
 class Room:
     """A folder with room for a log. `is_kept`: the folder stays at the end, for a next attempt."""
@@ -42,6 +46,7 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
     While the logs of other attempts take the room, it calls `pause` and looks again.
 
     Raises:
+        SmallDiskError: the log would not fit on the disk if it were empty.
         OSError: the log would not fit if the logs of all other attempts were removed, or the folder cannot be
             written.
     """
@@ -60,15 +65,18 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
 def _claimed(nbytes: int, folder: Path, claim_fd: int) -> bool:
     """Whether the log fits now and its room is claimed."""
     with _locked(folder.parent):
-        free, lack = shutil.disk_usage(folder).free, nbytes - folder_nbytes(folder)
+        usage, lack = shutil.disk_usage(folder), nbytes - folder_nbytes(folder)
         others = list(_others(folder))
-        if lack + sum(other.rest for other in others) <= free:
+        if lack + sum(other.rest for other in others) <= usage.free:
             os.truncate(claim_fd, 0)
             os.write(claim_fd, str(nbytes).encode())
             with contextlib.suppress(OSError):  # a file system without locks
                 fcntl.flock(claim_fd, fcntl.LOCK_SH)
             return True
-    if lack > (most := free + sum(other.here for other in others)):
+    if nbytes > usage.total:
+        text = f"a disk of {usage.total / 1e6:.1f} MB, {nbytes / 1e6:.1f} MB needed"
+        raise SmallDiskError(errno.EFBIG, text, str(folder.parent))
+    if lack > (most := usage.free + sum(other.here for other in others)):
         text = f"{most / 1e6:.1f} MB free, {lack / 1e6:.1f} MB needed"
         raise OSError(errno.ENOSPC, text, str(folder.parent))
     return False

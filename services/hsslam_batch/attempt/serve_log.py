@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from hsslam_batch.attempt.commit import commit, settle_failed
-from hsslam_batch.attempt.fetch import fetched_place
+from hsslam_batch.attempt.fetch import REFUSED, fetched_place
 from hsslam_batch.attempt.judgement import (
     judged,
     judged_frames,
@@ -24,11 +26,12 @@ from hsslam_batch.attempt.judgement import (
 )
 from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.outcome import NOT_EVALUATED, Outcome, figures, may_try_again
-from hsslam_batch.attempt.room import room_for
+from hsslam_batch.attempt.room import SmallDiskError, room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch, UnavailableError
 from hsslam_batch.plan.find_logs import on_this_machine
 from hsslam_batch.plan.folder_size import folder_nbytes
+from hsslam_batch.plan.listing import ClosedError
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
@@ -39,7 +42,11 @@ from hsslam_services.run.run_info import RunInfo
 _NOT_RUN = End(code=2, why="", wall_s=0.0, core_s=0.0, memory_mb=0)
 _UNAVAILABLE = dataclasses.replace(_NOT_RUN, code=1)
 _LOOK_S = 5.0  # for room
-_FETCH_CODES = {1: "the log could not be fetched"}
+_NOT_FETCHED = 1
+_FETCH_CODES = {
+    _NOT_FETCHED: "the log could not be fetched",
+    REFUSED: "the store does not give the log",
+}
 
 
 class CancelledError(Exception):
@@ -102,7 +109,9 @@ def serve_log(
     place.folder.mkdir(parents=True)
     try:
         with contextlib.ExitStack() as at_end:
+            started_ns = time.time_ns()
             outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames, at_end)
+            outcome = msgspec.structs.replace(outcome, started_ns=started_ns)
         if outcome.is_done:
             commit(batch, outcome, place.run_dir)
         else:
@@ -122,8 +131,7 @@ def _attempt(
     at_end: contextlib.ExitStack,
 ) -> Outcome:
     """Fetch and run the log; `at_end` gets the callbacks that remove temporary files."""
-    started_ns, fetch_s = time.time_ns(), 0.0
-    here = log
+    here, fetch_s = log, 0.0
     if is_url(log.place):
         too_large = log.nbytes > 1e9 * terms.fetch_gb  # the fetch refuses it
         nbytes = 0 if too_large else log.nbytes + log.beside_nbytes
@@ -131,12 +139,13 @@ def _attempt(
             room = at_end.enter_context(room_for(nbytes, place.fetched, lambda: _pause(cancel_fds)))
         except OSError as error:
             reason = f"{error.filename}: {error.strerror}: expected a folder with room (--scratch)"
-            return _outcome(batch, log, terms, _UNAVAILABLE, kind="unavailable", reason=reason)
+            kind = "crash" if isinstance(error, SmallDiskError) else "unavailable"
+            return _outcome(batch, log, terms, _UNAVAILABLE, kind=kind, reason=reason)
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
         kind, reason = judged(end, terms.limits, last_words(place.output), _FETCH_CODES)
-        if kind == "crash" and end.code in _FETCH_CODES:
+        if kind == "crash" and end.code == _NOT_FETCHED:
             kind = "unavailable"
         if kind != "done":
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
@@ -145,12 +154,14 @@ def _attempt(
         here = on_this_machine(log, str(fetched_place(place.fetched, log)))
     else:
         try:
-            expect_unchanged(log, batch.out)
-        except UserError as error:
-            failed = isinstance(error, UnavailableError)
-            kind, end = ("unavailable", _UNAVAILABLE) if failed else ("bad input", _NOT_RUN)
-            return _outcome(batch, log, terms, end, kind=kind, reason=str(error))
-        if not Path(log.place).exists():  # it may be on other nodes
+            is_here = expect_unchanged(log, batch.out)
+        except UnavailableError as error:
+            reason = str(error)
+            return _outcome(batch, log, terms, _UNAVAILABLE, kind="unavailable", reason=reason)
+        except UserError as error:  # on another node this user may be allowed to read it
+            kind = "crash" if isinstance(error, ClosedError) else "bad input"
+            return _outcome(batch, log, terms, _NOT_RUN, kind=kind, reason=str(error))
+        if not is_here:  # it may be on other nodes
             reason = f"{log.place}: not on {platform.node()}: expected the logs there on each node"
             return _outcome(batch, log, terms, _NOT_RUN, kind="crash", reason=reason)
     run_dir = place.run_dir
@@ -170,10 +181,7 @@ def _attempt(
             kind, reason = judged_frames(summary, expected)
             if kind == "done" and (why := summary.get("not_evaluated")):
                 reason = f"{NOT_EVALUATED}{why}"
-    found = figures(summary) | {
-        "nbytes": folder_nbytes(run_dir),
-        "started_ns": started_ns,
-    }
+    found = figures(summary) | {"nbytes": folder_nbytes(run_dir)}
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 
 

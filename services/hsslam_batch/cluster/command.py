@@ -50,7 +50,7 @@ def _run_all(options: RunOptions) -> int:
     logs = read_manifest(batch.out)
     rows = all_settled(batch, logs)
     found = {log.index: rows.get(log.id) for log in logs}
-    waiting = list(waiting_tries(found, options))
+    waiting = waiting_tries(found, options)
     if not waiting:
         with _owned(batch, logs):
             settle_files(batch, logs)
@@ -87,8 +87,22 @@ def _write_metrics(path: Path | None, batch: Batch, tally: Tally) -> None:
         say_at_end(f"warning: {path}: {error.strerror or error}: not written")
 
 
-def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
-    """The logs that are left, in the order of the manifest, each with the number of its next attempt."""
+def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> list[Try]:
+    """The logs that are left, each with the number of its next attempt, in the order of the manifest.
+
+    Those that were `unavailable` come last, so that they stop no others; of them the one that was tried last
+    comes last.
+    """
+
+    def tried_ns(one: Try) -> int:
+        outcome = found[one.index]
+        return outcome.started_ns if outcome and outcome.kind == "unavailable" else -1
+
+    return sorted(_left(found, options), key=tried_ns)
+
+
+def _left(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
+    """The logs that are left, in the order of the manifest."""
     for index, outcome in found.items():
         if outcome is None or outcome.kind == "unavailable":
             yield Try(index)  # a store that failed says nothing about the log

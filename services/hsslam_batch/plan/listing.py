@@ -1,5 +1,6 @@
 """Lists the files below a folder with size and time of change, so that names alone decide what is a log."""
 
+import contextlib
 import errno
 import fnmatch
 import hashlib
@@ -13,6 +14,10 @@ from hsslam_node.errors import UserError
 
 BATCH_FILE, MANIFEST = "batch.json", "manifest.parquet"  # in the folder of every batch
 _DIGEST_BYTES = 8
+
+
+class ClosedError(UserError):
+    """This user may not read a folder."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +120,13 @@ def list_folder(root: Path, without: str) -> Listing:
     each with a warning.
 
     Raises:
-        UserError: the folder is missing or not readable, or the file system fails.
+        ClosedError: this user may not read the folder.
+        UserError: the folder is missing, or the file system fails.
     """
-    try:
+    with _folder_errors(root):
         if root.is_file():
             return Listing(str(root.parent), {root.name: _stamp(root)}, root.name)
         os.scandir(root).close()
-    except OSError as error:
-        raise UserError(f"{root}: {error.strerror}: expected a folder with logs") from None
     files = {}
     own = root / os.path.relpath(os.path.realpath(without), os.path.realpath(root))
     for folder, folders, names in os.walk(root, onerror=_leave_out):
@@ -132,6 +136,27 @@ def list_folder(root: Path, without: str) -> Listing:
             if name[0] != "." and (stamp := _stamp_of_file(here / name)):
                 files[(here / name).relative_to(root).as_posix()] = stamp
     return Listing(str(root), without_batches(str(root), files))
+
+
+def is_there(root: Path) -> bool:
+    """Whether there is a file or folder with this name.
+
+    Raises:
+        ClosedError: this user may not read the folder in which it would be.
+        UserError: the file system fails.
+    """
+    with _folder_errors(root):
+        return root.exists()
+
+
+@contextlib.contextmanager
+def _folder_errors(root: Path) -> Iterator[None]:
+    """Raise a UserError about a folder for each OSError in the block."""
+    try:
+        yield
+    except OSError as error:
+        kind = ClosedError if isinstance(error, PermissionError) else UserError
+        raise kind(f"{root}: {error.strerror}: expected a folder with logs") from None
 
 
 def without_batches(root: str, files: Mapping[str, FileStamp]) -> dict[str, FileStamp]:

@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -52,15 +53,40 @@ def test_a_log_without_an_end_may_have_been_completed_by_an_attempt(tmp_path: Pa
     expect_unchanged(log, batch.out)
 
 
+@pytest.mark.parametrize("closed", ["logs/a", "logs"])
+def test_a_log_that_this_user_may_not_read_fails_in_the_end(closed: str):
+    """Another node may let it, so the other attempts are made."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        write_small_log(folder / "logs" / "a")
+        plan_command([str(folder / "logs"), "--out", str(folder / "out"), *QUICK])
+        batch = read_batch(str(folder / "out"))
+        (log,) = read_manifest(batch.out)
+        folder.chmod(0o755)
+        batch.out.chmod(0o777)
+        (folder / closed).chmod(0)
+        own = os.geteuid()
+        if own == 0:  # root may read everything
+            os.seteuid(54321)
+        try:
+            outcomes = [serve_log(batch, log, Terms(attempt, 1)) for attempt in (1, 2)]
+        finally:
+            os.seteuid(own)
+        (folder / closed).chmod(0o700)
+    assert [(one.kind, one.is_left) for one in outcomes] == [("crash", True), ("crash", False)]
+    assert outcomes[0].reason == f"{log.place}: Permission denied: expected a folder with logs"
+
+
 def test_a_disk_that_cannot_be_read_says_nothing_about_the_log(tmp_path: Path, monkeypatch):
     write_small_log(tmp_path / "logs" / "a")
     plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
     batch = read_batch(str(tmp_path / "out"))
     (log,) = read_manifest(batch.out)
 
-    def fail(*_):
+    def fail(*_, **__):
         raise OSError(errno.EIO, os.strerror(errno.EIO), log.place)
 
-    monkeypatch.setattr(os, "scandir", fail)
-    with pytest.raises(UnavailableError, match="Input/output error"):
-        expect_unchanged(log, batch.out)
+    for name in ("scandir", "stat"):
+        with monkeypatch.context() as broken, pytest.raises(UnavailableError, match="Input/output"):
+            broken.setattr(os, name, fail)
+            expect_unchanged(log, batch.out)

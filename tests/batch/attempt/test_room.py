@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_batch.attempt.room import room_for
+from hsslam_batch.attempt.room import SmallDiskError, room_for
 
 _DISK_BYTES = 1000
 
@@ -55,6 +55,23 @@ def test_a_log_that_never_fits_is_refused_at_once(scratch: Path):
     ):
         pass
     assert raised.value.filename == str(scratch) and not (scratch / "b").exists()
+
+
+def test_a_log_that_is_larger_than_the_disk_is_told_apart(scratch: Path, monkeypatch):
+    """No other attempt and no other file is to blame."""
+    usage = shutil.disk_usage(scratch)._replace(total=_DISK_BYTES, free=10)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    with (
+        pytest.raises(SmallDiskError, match=r"a disk of 0\.0 MB, 0\.0 MB needed"),
+        room_for(1001, scratch / "a", _no_pause),
+    ):
+        pass
+    with (
+        pytest.raises(OSError, match=r"0\.0 MB free") as raised,
+        room_for(1000, scratch / "a", _no_pause),
+    ):
+        pass
+    assert not isinstance(raised.value, SmallDiskError) and not (scratch / "a").exists()
 
 
 def test_what_an_attempt_has_left_is_not_waited_for(scratch: Path):

@@ -20,8 +20,9 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.find_logs import find_logs
 from hsslam_batch.plan.listing import FileStamp, Listing
 from hsslam_batch.plan.log import Log, read_manifest, write_manifest
+from hsslam_batch.plan.remote_listing import list_url
 from hsslam_batch.results.status import status_command
-from tests.batch.object_store import BUCKET, reach
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.outcomes import planned
 
 
@@ -82,10 +83,10 @@ def test_a_log_that_a_store_does_not_give_has_not_failed(
     assert outcome.kind == "unavailable"
     assert outcome.reason.startswith("exit code 1 (the log could not be fetched); ")
     assert " s3://fleet/log0: Could not connect" in outcome.reason
-    assert settled(batch, log.id) == outcome
+    assert settled(batch, log.id) == outcome and outcome.started_ns > 0
     assert status_command([str(batch.out)]) == 1
     assert "0 failed, 1 left" in capsys.readouterr().out
-    assert list(waiting_tries({0: outcome}, RunOptions())) == [Try(0)]
+    assert waiting_tries({0: outcome}, RunOptions()) == [Try(0)]
 
 
 def test_a_disk_without_room_is_not_the_fault_of_the_log(
@@ -100,6 +101,44 @@ def test_a_disk_without_room_is_not_the_fault_of_the_log(
     assert (outcome.kind, outcome.exit_code) == ("unavailable", 1) and not folder.exists()
     said = f"{tmp_path / 'scratch'}: 0.0 MB free, 0.0 MB needed: expected a folder with room (--scratch)"
     assert outcome.reason == said
+
+
+def test_a_log_that_is_larger_than_the_disk_fails_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Another node may have a larger disk, so the other attempts are made."""
+    batch, log = _in_store(tmp_path / "out")
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10, total=500))
+    for attempt, is_left in ((1, True), (2, False)):
+        outcome = serve_log(batch, log, Terms(attempt, 1, Limits(), tmp_path / "scratch"))
+        assert (outcome.kind, outcome.is_left) == ("crash", is_left)
+        said = "scratch: a disk of 0.0 MB, 0.0 MB needed: expected a folder with room (--scratch)"
+        assert outcome.reason.endswith(said)
+
+
+@pytest.mark.parametrize("closed", ["", "/fleet/logs/a.mcap", "/"])
+def test_a_log_that_nobody_may_read_fails_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, closed: str
+):
+    """An object in an archive, and one of somebody else. If all is refused, the log is not at fault."""
+    with object_store() as (server, client), faulty(server, Faults(1000, closed=closed)) as address:
+        reach(server, monkeypatch)
+        archive = {} if closed else {"StorageClass": "GLACIER"}
+        client.put_object(Bucket=BUCKET, Key="logs/a.mcap", Body=b"a log", **archive)
+        batch = planned(tmp_path / "out", frames=(100,))
+        write_manifest(batch.out, find_logs(list_url(f"s3://{BUCKET}/logs")))
+        (log,) = read_manifest(batch.out)
+        reach(address, monkeypatch)
+        outcome = serve_log(batch, log, Terms(2, 1, Limits(), tmp_path / "scratch"))
+    if closed == "/":
+        assert outcome.kind == "unavailable"
+        assert "OSError: s3://fleet/logs: Forbidden" in outcome.reason
+        return
+    assert (outcome.kind, outcome.is_left) == ("crash", False), outcome.reason
+    begin = "exit code 3 (the store does not give the log); s3://fleet/logs/a.mcap: "
+    assert outcome.reason.startswith(begin)
+    assert outcome.reason.endswith(": expected a log that this user may read")
 
 
 def test_files_beside_a_log_want_room_on_the_disk_too(

@@ -49,7 +49,7 @@ def test_an_attempt_that_the_stopped_command_owed_is_made(tmp_path: Path):
     batch = planned(tmp_path / "out", frames=(100,))
     crashed = msgspec.structs.replace(outcome(batch, 0, "crash"), attempt=1, retries=2)
     assert crashed.is_left
-    assert list(waiting_tries({0: crashed}, RunOptions(str(batch.out), retries=0))) == [Try(0, 2)]
+    assert waiting_tries({0: crashed}, RunOptions(str(batch.out), retries=0)) == [Try(0, 2)]
 
 
 def test_the_exit_code_is_that_of_the_batch_if_nobody_reads(batch: Batch):
@@ -92,9 +92,24 @@ def test_what_waits_and_with_which_attempt(batch: Batch):
         4: outcome(batch, 4, "crash", attempt=3),
     }
     options = RunOptions(out=str(batch.out), retries=2)
-    assert list(waiting_tries(found, options)) == [Try(2), Try(3, 3)]
+    assert waiting_tries(found, options) == [Try(2), Try(3, 3)]
     once_more = RunOptions(out=str(batch.out), retries=2, failed=True)
-    assert list(waiting_tries(found, once_more)) == [Try(1), Try(2), Try(3), Try(4)]
+    assert waiting_tries(found, once_more) == [Try(1), Try(2), Try(3), Try(4)]
+
+
+def test_logs_that_were_unavailable_come_last_the_one_of_the_latest_attempt_at_the_end(
+    batch: Batch,
+):
+    """Three of them, one after the other, stop the batch: no other log waits for them."""
+    found = {
+        0: outcome(batch, 0, "unavailable", started_ns=30),
+        1: outcome(batch, 1, "unavailable", started_ns=10),
+        2: outcome(batch, 2, "unavailable", started_ns=20),
+        3: None,
+        4: outcome(batch, 4, "crash", attempt=2, started_ns=40),
+    }
+    waiting = waiting_tries(found, RunOptions(out=str(batch.out), retries=2))
+    assert waiting == [Try(3), Try(4, 3), Try(1), Try(2), Try(0)]
 
 
 def test_two_runs_of_one_batch_do_not_meet(batch: Batch):
