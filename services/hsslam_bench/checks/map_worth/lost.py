@@ -1,5 +1,7 @@
 """Rows of a lost camera: its fragment joins the map where they meet, and joins no lookalike room."""
 
+from functools import partial
+
 from hsslam_bench.checks.accuracy import Accuracy
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
@@ -7,6 +9,8 @@ from hsslam_bench.runs.session import Session
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 
 _DARK = range(672, 732)  # 2 s: the doorway from the kitchen to the study
+_LONG_DARK = range(672, 852)  # 6 s: it is light again in the study, which the map does not know
+_SEES_S = 1.0  # before a fragment begins
 _FRAMES = 2400  # one round, and on into the first room
 _RATE_HZ = 30
 _FACTOR = 1.5  # of the ATE without darkness
@@ -22,7 +26,17 @@ def lost_checks() -> list[Check]:
             "the seeds; in the end all frames are in one map, but for those of the first "
             f"{NEW_MAP_AFTER_S:g} s from the darkness on",
             f"{_FACTOR:g} x without darkness",
-            _apartment,
+            partial(_apartment, dark=_DARK, joins=0),
+            by_name_only=True,
+            is_lockstep=True,
+        ),
+        Check(
+            "lost:apartment:joins",
+            f"the same with 6 s of darkness, so that a fragment begins in the next room and joins when the "
+            "camera is back in the first one; in the end all frames are in one map, but for those from the "
+            f"darkness on until {_SEES_S:g} s after it",
+            f"{_FACTOR:g} x without darkness; the fragment joins",
+            partial(_apartment, dark=_LONG_DARK, joins=1),
             by_name_only=True,
             is_lockstep=True,
         ),
@@ -38,18 +52,20 @@ def lost_checks() -> list[Check]:
     ]
 
 
-def _apartment(session: Session) -> Measured:
-    dark = [finished(session.darkened("apartment", s, _FRAMES, _DARK)) for s in session.seeds]
+def _apartment(session: Session, dark: range, joins: int) -> Measured:
+    """`joins`: fragments that must begin and join."""
+    darkened = [finished(session.darkened("apartment", s, _FRAMES, dark)) for s in session.seeds]
     light = [finished(session.darkened("apartment", s, _FRAMES, range(0))) for s in session.seeds]
-    found, plain = Accuracy.of(dark), Accuracy.of(light)
+    found, plain = Accuracy.of(darkened), Accuracy.of(light)
     bound_m = _FACTOR * plain.mean_m
-    unavoidable = round(_RATE_HZ * NEW_MAP_AFTER_S) + 1
-    fragments = [_fragments(run) for run in dark]
+    lost_s = max(len(dark) / _RATE_HZ + _SEES_S, NEW_MAP_AFTER_S)
+    unavoidable = round(_RATE_HZ * lost_s) + 1
+    fragments = [_fragments(run) for run in darkened]
     each = ", ".join(f"{joined} of {begun}" for begun, joined in fragments)
     ok = (
         found.mean_m <= bound_m
-        and found.lost <= unavoidable * len(dark)
-        and all(begun == joined <= 1 for begun, joined in fragments)
+        and found.lost <= unavoidable * len(darkened)
+        and all(begun == joined and joins <= joined <= 1 for begun, joined in fragments)
     )
     return Measured(
         f"{100 * found.mean_m:.3f} cm (seeds: {found.each_cm(3)}), without darkness "
