@@ -45,6 +45,7 @@ _BUILDS = {
     "torch_cuda.lock": "PyTorch with CUDA, from PyPI, and what it adds to base.lock.",
     "torch_cpu.lock": "PyTorch for the CPU, from its own index, and what it adds to base.lock.",
 }
+_TORCH_ENTRY = re.compile(r"^torch==([\w.]+) \\\n(?:    --hash=\S+(?: \\)?\n)+", re.MULTILINE)
 _OF_CUDA = re.compile(r"^((?:nvidia|cuda)-[\w.-]+|triton)==", re.MULTILINE)
 _ADDED = {  # to base.lock
     "ros2.lock": "What the extra ros2 adds to base.lock.",
@@ -115,31 +116,37 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
                 _FROM if name != "batch.lock" else "pyproject.toml, torch.txt and batch_image.txt"
             )
             texts[name] = _HEADER.format(origin, _ADDED.get(name, _ALL)) + "".join(kept)
-        without.write_text("\n".join(_names(texts["base.lock"])))
-        texts |= _locked_torch(uv, everything, without)
+        texts |= _locked_torch(uv, everything, _names(texts["base.lock"]))
     return texts
 
 
-def _locked_torch(uv: str, constraints: Path, without: Path) -> dict[str, str]:
-    """The text of the two locks of PyTorch; `without` names what base.lock has."""
-    texts = {}
-    for name in _BUILDS:
-        target = constraints.with_name(name)
-        old = ROOT / FOLDER / name
-        target.write_text(old.read_text().replace("+cpu", "") if old.exists() else "")
-        _compile(
-            uv, "--universal", "--python-version", "3.11", str(_TORCH), "--generate-hashes",
-            "--no-header", "--no-annotate", "--excludes", str(without), "--constraints",
-            str(constraints), "--output-file", str(target),
-        )  # fmt: skip
-        texts[name] = target.read_text()
-        without.write_text("\n".join([without.read_text(), *_OF_CUDA.findall(texts[name])]))
-    # `===` leaves out builds such as 2.13.0+cpu, which would count as newer
-    pypi = re.compile(r"^torch==([\w.]+) \\\n(?:    --hash=\S+(?: \\)?\n)+", re.MULTILINE)
-    texts["torch_cuda.lock"] = re.sub(r"(?m)^torch==", "torch===", texts["torch_cuda.lock"])
-    (version,) = pypi.findall(texts["torch_cpu.lock"])
-    texts["torch_cpu.lock"] = pypi.sub(lambda _: _cpu_entry(version), texts["torch_cpu.lock"])
+def _locked_torch(uv: str, constraints: Path, of_base: list[str]) -> dict[str, str]:
+    """The text of the two locks of PyTorch; `of_base` names what base.lock has."""
+    cuda = _compiled_torch(uv, "torch_cuda.lock", constraints, of_base)
+    # PyPI's build with CUDA stands in for the one for the CPU, which needs the same but for CUDA
+    not_cuda = [*of_base, *_OF_CUDA.findall(cuda)]
+    cpu = _compiled_torch(uv, "torch_cpu.lock", constraints, not_cuda)
+    (version,) = _TORCH_ENTRY.findall(cpu)
+    texts = {
+        # `===` leaves out builds such as 2.13.0+cpu, which would count as newer
+        "torch_cuda.lock": re.sub(r"(?m)^torch==", "torch===", cuda),
+        "torch_cpu.lock": _TORCH_ENTRY.sub(lambda _: _cpu_entry(version), cpu),
+    }
     return {name: _HEADER.format("torch.txt", _BUILDS[name]) + text for name, text in texts.items()}
+
+
+def _compiled_torch(uv: str, name: str, constraints: Path, without: list[str]) -> str:
+    """PyTorch with CUDA and what it needs, but for the packages in `without`; keeps the pins of a lock."""
+    target, excludes = constraints.with_name(name), constraints.with_name("excludes.txt")
+    old = ROOT / FOLDER / name
+    target.write_text(old.read_text().replace("+cpu", "") if old.exists() else "")
+    excludes.write_text("\n".join(without))
+    _compile(
+        uv, "--universal", "--python-version", "3.11", str(_TORCH), "--generate-hashes",
+        "--no-header", "--no-annotate", "--excludes", str(excludes), "--constraints",
+        str(constraints), "--output-file", str(target),
+    )  # fmt: skip
+    return target.read_text()
 
 
 def _cpu_entry(version: str) -> str:
