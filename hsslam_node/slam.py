@@ -180,7 +180,7 @@ class Slam:
         return self._newest_map().query(points)
 
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
-        """How far rays [N, 3] are free; see `DenseMap.raycast`."""
+        """How far rays [N, 3] meet no surface; see `DenseMap.raycast`."""
         return self._newest_map().raycast(origins, directions, max_m)
 
     def is_free(self, shapes: Shapes) -> np.ndarray:

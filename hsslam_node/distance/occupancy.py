@@ -122,7 +122,7 @@ class Occupancy:
         """
         if other.grid != self.grid:
             raise ValueError(f"{other.grid} is not {self.grid}")
-        is_empty = self._evidence == 0
+        is_empty = (self._evidence == 0) & (self._surface.view(np.int64)[..., 0] == 0)
         np.copyto(self._evidence, other._evidence, where=is_empty)
         np.copyto(self._surface, other._surface, where=is_empty[..., None])
         self._states = None

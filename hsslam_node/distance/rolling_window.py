@@ -22,8 +22,9 @@ _WIDTH_PX = 320  # of the pixels looked at, at least
 _STOREY_M = 2.5  # between floors, at least
 _FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
 _MOST_KEYFRAMES = 64  # that a window is marked from at once; 0.3 s
-_NEWEST_KEYFRAMES = 24  # of these: 3 s at 30 Hz, as the newest views of a place count
-_JOINED = 8  # keyframes that come between two updates have joined with a fragment
+_NEWEST_KEYFRAMES = (
+    24  # are always among them, 3 s at 30 Hz: the newest view of a place is the valid one
+)
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
 _RECENT_FRAMES = 10  # that are marked anew: one second, and more than clear or mark a voxel; 12 MB
@@ -102,10 +103,9 @@ class RollingWindow:
         if occupancy is None or has_new_floor or self._keyframes_moved():
             occupancy = self._marked_anew(T_world_cam)
         else:
-            came = range(self._count, self._store.count)
-            has_joined = len(came) > _JOINED
-            if not has_joined:  # frames show what these show
-                self._included.update(came)
+            has_joined = self._has_joined()
+            if not has_joined:  # frames show what the new keyframes show
+                self._included.update(range(self._count, self._store.count))
             if occupancy.move_to(self._middle(T_world_cam)) or has_joined:
                 self._fill(occupancy)
         self._count = self._store.count
@@ -202,6 +202,14 @@ class RollingWindow:
         for frame in recent:
             self._mark(frame, occupancy)
         return occupancy
+
+    def _has_joined(self) -> bool:
+        """Whether a fragment has joined the map since the last frame."""
+        first = self._count - 1
+        if not 0 <= first < self._store.count - 1:
+            return False
+        fragments = self._store.fragments()[first:]
+        return bool((fragments[1:] > fragments[0]).any())
 
     def _fill(self, occupancy: Occupancy) -> None:
         """Fill what is unknown from the keyframes that stand in a window and that it does not include."""

@@ -51,8 +51,8 @@ class FragmentTracker:
     """Tracks in the map; tracks a camera that has been lost for long in a fragment.
 
     A pose in a fragment has the status `lost`, and the fragment's number in `fragment`. When the fragment
-    joins the map, its keyframes are copied to the map, and tracking continues there. A frame that is lost
-    meanwhile does not end the join: the map is asked for the camera after it.
+    joins the map, its keyframes are copied to the map, and tracking continues there. If a frame is lost
+    during the join, copying goes on; after it the tracker looks for the camera in the map.
     """
 
     def __init__(
@@ -107,7 +107,8 @@ class FragmentTracker:
         return self._after(frame, result)
 
     def finish(self) -> JoinedFragment | None:
-        """After the last frame: complete a join that has begun; returns the fragment that joined, if any."""
+        """After the last frame: complete the join if the fragment's place is known; returns the fragment that
+        joined, if any."""
         if self._search is not None:
             self._begin_joining(self._search.collect())
         joined = self._joining.finish() if self._joining is not None else None
@@ -194,10 +195,10 @@ class FragmentTracker:
         if first.status == "lost":  # there is too little depth
             return None
         self._begun, self._lost_ns = fragment.number, None
-        joined = self.finish()
+        self._leave()
         self._fragment = fragment
         self._search = JoinSearch(self._store, self._map.places, fragment)
-        return replace(_of_fragment(first, fragment.number), joined=joined)
+        return _of_fragment(first, fragment.number)
 
     def _begin_joining(self, place: FragmentPlace | None) -> None:
         """Begin to join the fragment if its place is known and it does not join yet."""

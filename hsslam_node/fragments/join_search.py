@@ -28,9 +28,8 @@ class JoinSearch:
         self._compared = -1  # the newest keyframe whose comparison has begun
         self._pending: tuple[int, Future[list[SeenAgain]]] | None = None
         self._frames = 0  # since then
-        self._place: FragmentPlace | None = (
-            None  # by all meetings so far; stays until others tell more
-        )
+        # computed from all meetings so far; a new meeting may change it
+        self._place: FragmentPlace | None = None
 
     def step(self) -> FragmentPlace | None:
         """Take a frame tracked in the fragment; returns the fragment's place if it is known now."""

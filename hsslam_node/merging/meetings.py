@@ -98,8 +98,8 @@ def second_best(meetings: Sequence[Meeting], best: Sequence[Meeting]) -> list[Me
 
 
 def elsewhere(meetings: Iterable[Meeting], T_worlds: np.ndarray) -> list[Meeting]:
-    """Meetings that place what they show 1 m or 20 degrees or more away from where T_worlds [4, 4], from the
-    second world to the first, places it. Drift alone does less."""
+    """Meetings that contradict T_worlds [4, 4], from the second world to the first: they move the point that
+    they show by 1 m or more, or turn it by 20 degrees or more. Drift alone does less."""
     away = []
     for meeting in meetings:
         T_change = inverse(T_worlds) @ meeting.T_worlds

@@ -163,7 +163,7 @@ class Pose(Message, frozen=True, kw_only=True):
     corrections; it begins with the run and drifts, and goes on in a fragment. Empty: unknown.
     `odometry_stands`: the motion to this frame is unknown, as after a gap, when a fragment begins or when a
     lost camera is found; `odometry` then repeats the last pose. If the pose of the camera on the robot is
-    known, height and tilt of `base_link` are then set to those in the map.
+    known, height and tilt of `base_link` are then set to those in the map, unless a fragment begins.
 
     `up`: direction against gravity in the world, measured by an IMU. Empty: unknown.
 

@@ -14,8 +14,8 @@ from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 class RobotMotion(NamedTuple):
     """The robot at one frame: poses [4, 4], covariances [6, 6] m, rad about the origin of `base_link`.
 
-    `twist`: [6] m/s and rad/s since the frame before, in axes of `base_link`. None: unknown, as the pose in
-    the map is while the camera is in a fragment.
+    `twist`: [6] m/s and rad/s since the frame before, in axes of `base_link`. A field is None if it is
+    unknown: in a fragment the poses in `map` and all covariances.
     """
 
     T_map_base: np.ndarray | None

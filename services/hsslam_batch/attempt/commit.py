@@ -41,7 +41,12 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
         older = run_dir.with_name(_OLDER)
         if target.exists():
             target.rename(older)  # in one step: a folder removed in part is no result
-        run_dir.rename(target)
+        try:
+            run_dir.rename(target)
+        except OSError:
+            if older.exists():
+                older.rename(target)
+            raise
         sync_folder(target.parent)
         _link_recordings(batch, outcome.id)
         write_durably(batch.done_file(outcome.id), encoded(outcome))

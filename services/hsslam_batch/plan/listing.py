@@ -146,7 +146,11 @@ def is_there(root: Path) -> bool:
         UserError: the file system fails.
     """
     with _folder_errors(root):
-        return root.exists()
+        try:
+            root.stat()  # `exists` hides errors from Python 3.14 on
+        except (FileNotFoundError, NotADirectoryError):
+            return False
+        return True
 
 
 @contextlib.contextmanager

@@ -14,9 +14,8 @@ class Unsaved(NamedTuple):
 
     run_dir: Path
     artefacts: tuple[str, ...]
-    is_being_saved: bool = (
-        False  # by a process that owns the arena; if it has died, the next run saves them
-    )
+    # a watchdog that holds the lock of the arena saves them now; if it dies, the next run saves them
+    is_being_saved: bool = False
 
 
 def mark_unsaved(

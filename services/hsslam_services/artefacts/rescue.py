@@ -38,8 +38,8 @@ Report = Callable[[str], None]
 def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
     """Save the artefacts that are missing in the run folder; returns an error for each that failed.
 
-    The arena is marked meanwhile, so that the next run saves the rest if this process dies. No other process
-    of the run may live.
+    The arena stays marked meanwhile: an arena that waits for the user goes on to do so if this process dies.
+    No other process of the run may live.
 
     Raises:
         UserError: the arena has no run.json, or the run folder is not writable.
@@ -54,7 +54,8 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
         if run_dir == run.path:
             run.restore()
         with contextlib.suppress(OSError):  # the memory is full
-            mark_unsaved(arena_dir, run_dir, wanted, is_being_saved=True)
+            is_being_saved = unsaved is None or unsaved.is_being_saved
+            mark_unsaved(arena_dir, run_dir, wanted, is_being_saved=is_being_saved)
         _link_moved_arrays(arena_dir, run_dir)
         for artefact in wanted:
             error = _in_own_process(artefact, run, arena_dir, run_dir, report)

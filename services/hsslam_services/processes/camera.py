@@ -145,7 +145,7 @@ def _run(worker: Worker) -> None:
                 if isinstance(item, UnreadFrame):
                     progress.unread += 1
                     worker.counters[UNREAD] = progress.unread
-                    unread_in_row += 1
+                unread_in_row = unread_in_row + 1 if isinstance(item, UnreadFrame) else 0
                 first_bad = first_bad or item.reason
                 skipped.add(item)
             else:
@@ -162,13 +162,14 @@ def _run(worker: Worker) -> None:
             if unread_in_row == _MOST_UNREAD and isinstance(item, UnreadFrame):
                 raise UserError(
                     f"source {source.name}: {_MOST_UNREAD} frames in a row cannot be read, the last: "
-                    f"{item.reason}: expected a disk that works"
+                    f"{item.reason}"
                 )
         skipped.report_more()
         if not worker.should_stop():
             _expect_all(worker, source, progress, first_bad)
-        _publish_end(worker, progress)  # at once: a driver or a disk may take seconds to stop
-    last_frame.wait_until_logged(progress.publisher, progress.last_index)
+        # before the source stops, for which a driver or a disk may take seconds
+        _publish_end(worker, progress)
+        last_frame.wait_until_logged(progress.publisher, progress.last_index)
 
 
 def _expect_all(worker: Worker, source: Source, progress: CameraProgress, first_bad: str) -> None:

@@ -110,7 +110,9 @@ class _MapperLoop:
         self._keyframes_seen = 0
         self._refused = 0  # keyframes for which the tracker had no room
         self._due = 0.0  # iterations to do, reduced by the load level
-        self._due_of_joins = 0.0  # of these, those that keyframes of joined fragments may ask for
+        self._due_of_joins = (
+            0.0  # the part that joined fragments caused, on top of the longest backlog
+        )
         self._iterations = 0
         store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:

@@ -1,5 +1,6 @@
 """The previous run in the same folder: waits until its results are saved."""
 
+import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -7,11 +8,17 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owner_lives, try_own
-from hsslam_services.arena.unsaved_marker import is_marked
+from hsslam_services.arena.unsaved_marker import (
+    ARENA_ARTEFACTS,
+    is_marked,
+    mark_unsaved,
+    read_unsaved,
+)
 from hsslam_services.run.run_info import RunInfo
 
 _LONGEST_RESCUE_S = 600.0
 _POLL_S = 0.05
+_NO_WATCHDOG_S = 10.0  # a watchdog that was started takes the lock of the arena in this time
 
 
 def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
@@ -35,8 +42,13 @@ def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> Non
 def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], bool]) -> None:
     """The watchdog of the earlier run owns the arena while it saves."""
     deadline_s = time.monotonic() + _LONGEST_RESCUE_S
+    owned_s = time.monotonic()
     is_reported = False
     while not _is_left(arena_dir):
+        if not _is_free(arena_dir):
+            owned_s = time.monotonic()
+        elif time.monotonic() > owned_s + _NO_WATCHDOG_S:
+            _keep_for_user(arena_dir, run_dir)
         if not is_reported:
             is_reported = True
             text = "the previous run was killed: its results are being saved before this run starts"
@@ -53,8 +65,20 @@ def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], 
 
 def _is_left(arena_dir: Path) -> bool:
     """Whether no process saves from the arena any more: the arena is gone, or kept for the user."""
+    return not arena_dir.exists() or (_is_free(arena_dir) and is_marked(arena_dir))
+
+
+def _is_free(arena_dir: Path) -> bool:
+    """Whether no process owns the arena."""
     try:
         with try_own(arena_dir) as is_free:
-            return is_free and is_marked(arena_dir)
+            return is_free
     except OSError:
         return True
+
+
+def _keep_for_user(arena_dir: Path, run_dir: Path) -> None:
+    """Leave an arena, whose watchdog died again, to `hsslam-serve rescue`."""
+    unsaved = read_unsaved(arena_dir)
+    with contextlib.suppress(OSError):
+        mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)

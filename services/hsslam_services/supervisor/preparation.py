@@ -23,7 +23,7 @@ from hsslam_services.arena.arena_folder import (
     run_dir_of,
 )
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved, read_unsaved
 from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.bus.dead_pools import remove_own_pools, remove_unused_pools
 from hsslam_services.governor.shared_level import SharedLevel
@@ -135,7 +135,8 @@ def _save_dead_arenas() -> None:
     arena for `hsslam-serve rescue`."""
     for arena_dir in remove_dead_arenas():
         with contextlib.suppress(OSError):  # another run saves it, or its memory is full
-            run_dir = run_dir_of(arena_dir)
+            unsaved = read_unsaved(arena_dir)
+            run_dir = unsaved.run_dir if unsaved else run_dir_of(arena_dir)
             try:
                 RunInfo.read(arena_dir).restore()
                 start_watchdog(run_dir, arena_dir)

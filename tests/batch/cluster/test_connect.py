@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -170,6 +171,8 @@ def test_tasks_of_this_machine_finish_if_the_terminal_goes_away(tmp_path: Path):
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        # these tests may run under nohup
+        preexec_fn=partial(signal.signal, signal.SIGHUP, signal.SIG_DFL),
     )
     until((tmp_path / "begun").exists, timeout_s=240.0)
     os.killpg(driver.pid, signal.SIGHUP)

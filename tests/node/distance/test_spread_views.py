@@ -17,9 +17,13 @@ def test_few_views_are_all_chosen():
 
 def test_views_of_other_places_go_before_more_views_of_one():
     chosen = spread_views(_views((1, 9.0), (200, 0.0), (1, 5.0), (100, 1.0)), 16, 10)
-    assert len(chosen) == 16
-    assert {0, 201} <= set(chosen.tolist())
-    assert set(range(292, 302)) <= set(chosen.tolist())  # the newest
+    assert chosen.tolist() == [0, 200, 201, *range(292, 302)]
+
+
+def test_the_newest_view_of_a_place_is_the_one_that_is_chosen():
+    """What came or went between two visits is as the second one saw it."""
+    chosen = spread_views(_views((30, 0.0), (30, 5.0), (30, 0.1), (30, 9.0)), 12, 6)
+    assert chosen[chosen < 110].tolist() == [59, 89]
 
 
 def test_a_camera_that_turns_where_it_stands_looks_at_different_places():
@@ -27,11 +31,11 @@ def test_a_camera_that_turns_where_it_stands_looks_at_different_places():
     chosen = spread_views(np.concatenate([turned, _views((100, 0.0))]), 20, 10)
     looks = turned[chosen[chosen < 31]]
     turns = np.arctan2(looks[:, 0, 2], looks[:, 2, 2])
-    assert np.ptp(turns) > 2.5 and np.diff(np.sort(turns)).max() < 0.6
+    assert np.ptp(turns) > 2.2 and np.diff(np.sort(turns)).max() < 0.6
 
 
 @pytest.mark.parametrize("total", [1, 8, 9, 40])
 def test_rows_rise_and_none_is_chosen_twice(total):
     chosen = spread_views(_views((total, 0.0)), 8, 3)
-    assert len(chosen) == min(total, 8)
+    assert len(chosen) == (total if total <= 8 else 3)  # all others are like these
     assert (np.diff(chosen) > 0).all() and chosen[-1] == total - 1

@@ -16,6 +16,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import ArenaFolder, disk_folder
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.unsaved_marker import is_marked, mark_unsaved
 from hsslam_services.artefacts.rescue import rescue
 from hsslam_services.commands.rescue import rescue_command
 from hsslam_services.run.exit_code import ExitCode
@@ -115,3 +116,15 @@ def test_poses_in_a_run_folder_that_was_moved_are_found_and_without_it_keyframes
         told = f"{gone}: gone with its run folder, and the poses in it"
         assert not not_saved and not (now / "trajectory.txt").exists()
         assert read_summary(now)["not_saved"] == {"poses": told}
+
+
+def test_an_arena_that_waits_for_the_user_does_so_after_an_interrupted_rescue(run_info: RunInfo):
+    """The next run must not save it by itself: its folder may hold another run by then."""
+    arena = Path(run_info.arena_dir)
+    mark_unsaved(arena, run_info.path, ["map", "mesh"])
+    with (
+        patch("hsslam_services.artefacts.rescue._in_own_process", side_effect=KeyboardInterrupt),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        rescue(arena, run_info.path, print)
+    assert is_marked(arena)

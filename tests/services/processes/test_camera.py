@@ -124,7 +124,7 @@ def test_a_disk_that_gives_no_frame_any_more_ends_the_camera(
     ):
         running = pool.submit(camera._run, worker)
         end.done(end.next_frame())
-        told = r"4 frames in a row cannot be read, the last: .*4\.png: Input/output error: expected"
+        told = r"4 frames in a row cannot be read, the last: .*4\.png: Input/output error$"
         with pytest.raises(UserError, match=told):
             running.result(30)
 

@@ -1,10 +1,13 @@
 """A run folder: what a run reads is never removed from it, and it has one run at a time."""
 
 import contextlib
+import json
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,8 +19,11 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.pose_log import POSE_ROW, PoseLog
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import SHM_ROOT, ArenaFolder, run_dir_of
-from hsslam_services.arena.unsaved_marker import is_marked
+from hsslam_services.arena.unsaved_marker import is_marked, mark_unsaved, read_unsaved
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.supervisor import earlier_run
+from hsslam_services.supervisor.earlier_run import wait_for_earlier_run
 from hsslam_services.supervisor.folder_claim import FolderClaim
 from hsslam_services.supervisor.preparation import Prepared, prepare
 from tests.services.serve_process import SMALL_ROOM
@@ -145,6 +151,25 @@ def test_poses_of_a_dead_run_whose_folder_cannot_be_made_are_kept(tmp_path: Path
     finally:
         run.close()
         run.arena.remove()
+        dead.remove()
+
+
+def test_results_whose_watchdogs_die_are_left_to_the_user(
+    make_run: Callable[..., RunInfo], monkeypatch: pytest.MonkeyPatch
+):
+    """The run before was killed, and each watchdog too, as without memory."""
+    monkeypatch.setattr(earlier_run, "_NO_WATCHDOG_S", 0.2)
+    dead = ArenaFolder(f"test-{os.getpid()}", Path("/x"))
+    run = replace(make_run(), arena_dir=str(dead.path))
+    run.write()
+    owner = json.loads((dead.path / "owner.json").read_text())
+    (dead.path / "owner.json").write_text(json.dumps(owner | {"start_ticks": 0}))
+    mark_unsaved(dead.path, run.path, ["map", "mesh"], is_being_saved=True)
+    dead.let_go()
+    try:
+        wait_for_earlier_run(run.path, lambda: False)
+        assert read_unsaved(dead.path) == (run.path, ("map", "mesh"), False)
+    finally:
         dead.remove()
 
 
