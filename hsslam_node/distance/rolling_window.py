@@ -103,7 +103,7 @@ class RollingWindow:
         if occupancy is None or has_new_floor or self._keyframes_moved():
             occupancy = self._marked_anew(T_world_cam)
         else:
-            has_joined = self._has_joined()
+            has_joined = self._store.joined_since(self._count) > 0
             if not has_joined:  # frames show what the new keyframes show
                 self._included.update(range(self._count, self._store.count))
             if occupancy.move_to(self._middle(T_world_cam)) or has_joined:
@@ -202,14 +202,6 @@ class RollingWindow:
         for frame in recent:
             self._mark(frame, occupancy)
         return occupancy
-
-    def _has_joined(self) -> bool:
-        """Whether a fragment has joined the map since the last frame."""
-        first = self._count - 1
-        if not 0 <= first < self._store.count - 1:
-            return False
-        fragments = self._store.fragments()[first:]
-        return bool((fragments[1:] > fragments[0]).any())
 
     def _fill(self, occupancy: Occupancy) -> None:
         """Fill what is unknown from the keyframes that stand in a window and that it does not include."""

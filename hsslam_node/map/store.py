@@ -234,6 +234,14 @@ class KeyframeStore:
         """
         return self._rows.fragments(self.count)
 
+    def joined_since(self, first: int) -> int:
+        """How many of the keyframes from number `first` on came with a fragment that joined the map, or were
+        appended after it."""
+        if not 0 < first < self.count:
+            return 0
+        numbers = self.fragments()[first - 1 :]
+        return int((numbers[1:] > numbers[0]).sum())
+
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""
         return self._poses.all()

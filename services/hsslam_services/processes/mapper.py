@@ -28,15 +28,13 @@ from hsslam_services.arena.memory_budget import MemoryBudget
 from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.dead_pools import bytes_of_pools
+from hsslam_services.governor.mapping_backlog import MappingBacklog
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import tell_device, worker_device
 
 _POLL_S = 0.05
-_LONGEST_BACKLOG = (
-    6  # keyframes whose iterations may wait in real time, beside those of joined fragments
-)
 _SLICE = 32  # last iterations between checks of signals and clock
 _RETIRING_SHARE = 0.25  # of --finish-s, to compare keyframes with those of the loaded map
 _SAVING_S = 1.0  # time reserved to save the map at the end,
@@ -107,19 +105,19 @@ class _MapperLoop:
         )
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None
-        self._keyframes_seen = 0
-        self._refused = 0  # keyframes for which the tracker had no room
-        self._due = 0.0  # iterations to do, reduced by the load level
-        self._due_of_joins = (
-            0.0  # the part that joined fragments caused, on top of the longest backlog
+        self._backlog = MappingBacklog(
+            self._slam.mapper.iterations,
+            self._level,
+            has_limit=worker.options.pace == "realtime",
         )
+        self._refused = 0  # keyframes for which the tracker had no room
         self._iterations = 0
         store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:
             self._open(parameters)
-            self._keyframes_seen = store.count
-            if store.inherited < store.count:
-                self._keyframes_seen -= 1  # the newest one may not be mapped yet
+            has_own = store.inherited < store.count
+            self._backlog.skip_to(store.count - has_own)  # the newest one may not be mapped yet
+            if has_own:
                 worker.event("warning", f"mapper resumes at map version {parameters.version}")
 
     def has_work(self) -> bool:
@@ -130,17 +128,9 @@ class _MapperLoop:
         if self._parameters is None:
             return True
         if self._mode.localise_only:
-            self._keyframes_seen, self._due, self._due_of_joins = store.count, 0, 0
+            self._backlog.skip_to(store.count)
             return False
-        per_keyframe = self._slam.mapper.iterations * self._level.now.iterations
-        count = store.count
-        self._due += per_keyframe * (count - self._keyframes_seen)
-        self._due_of_joins += per_keyframe * _joined(store, self._keyframes_seen, count)
-        self._keyframes_seen = count
-        if self._worker.options.pace == "realtime":
-            longest = _LONGEST_BACKLOG * per_keyframe + self._due_of_joins
-            self._due = min(self._due, longest)
-        return self._due >= 1
+        return self._backlog.take(store)
 
     def work(self) -> None:
         """Make the first map, or do the iterations of one keyframe; then publish."""
@@ -151,7 +141,7 @@ class _MapperLoop:
             return
         assert self._mapper is not None
         start = time.perf_counter()
-        n = min(int(self._due), max(self._slam.mapper.iterations, 1))
+        n = self._backlog.next_count()
         with self._worker.arena.lease(PARAMETERS_LEASE):
             self._grow_bound(store)
             for _ in range(n):
@@ -163,8 +153,7 @@ class _MapperLoop:
             refined = self._mapper.take_poses(store)
             if self._corrector and refined and self._mode.may_change:
                 self._corrector.correct(store, *refined, losses=(report.loss, report.loss))
-        self._due -= n
-        self._due_of_joins = max(self._due_of_joins - n, 0)
+        self._backlog.done(n)
         self._iterations += n
         self._select(store)
         self._publish(report, store, start)
@@ -286,7 +275,7 @@ class _MapperLoop:
                 if done >= n or self._worker.should_stop():
                     break
             self._mapper.publish()
-        self._keyframes_seen = 1
+        self._backlog.skip_to(1)
         self._iterations += done
         self._publish(report, store, start)
 
@@ -310,17 +299,6 @@ class _MapperLoop:
                 map_epoch=self._mode.map_epoch,
             )
         )
-
-
-def _joined(store: KeyframeStore, seen: int, count: int) -> int:
-    """How many of the keyframes from number `seen` to `count` came with a fragment that joined the map.
-
-    Those that the camera appended since then have the number of the fragment, too, and count as well.
-    """
-    if not 0 < seen < count:
-        return 0
-    fragments = store.fragments()[seen - 1 : count]
-    return int((fragments[1:] > fragments[0]).sum())
 
 
 if __name__ == "__main__":

@@ -31,8 +31,8 @@ def lost_checks() -> list[Check]:
             is_lockstep=True,
         ),
         Check(
-            "lost:apartment:joins",
-            f"the same with 6 s of darkness, so that a fragment begins in the next room and joins when the "
+            "lost:fragment",
+            f"as lost:apartment with 6 s of darkness, so that a fragment begins in the next room and joins when the "
             "camera is back in the first one; in the end all frames are in one map, but for those from the "
             f"darkness on until {_SEES_S:g} s after it",
             f"{_FACTOR:g} x without darkness; the fragment joins",
