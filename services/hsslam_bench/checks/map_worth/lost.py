@@ -32,9 +32,9 @@ def lost_checks() -> list[Check]:
         ),
         Check(
             "lost:fragment",
-            f"as lost:apartment with 6 s of darkness, so that a fragment begins in the next room and joins when the "
-            "camera is back in the first one; in the end all frames are in one map, but for those from the "
-            f"darkness on until {_SEES_S:g} s after it",
+            "as lost:apartment with 6 s of darkness, so that a fragment begins in the next room and joins "
+            "when the camera is back in the first one; in the end all frames are in one map, but for those "
+            f"from the darkness on until {_SEES_S:g} s after it",
             f"{_FACTOR:g} x without darkness; the fragment joins",
             partial(_apartment, dark=_LONG_DARK, joins=1),
             by_name_only=True,
