@@ -14,6 +14,7 @@ from typing import IO
 
 _STDOUT = Path("/dev/stdout")
 _PRIVATE = 0o600
+_PARTIAL = ".hsslam-"  # begin of the names of temporary files
 
 
 @contextlib.contextmanager
@@ -44,7 +45,7 @@ def durable_file(
     if not path.name or path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     suffix = path.suffix if suffix is None else suffix
-    partial = path.with_name(f".hsslam-{secrets.token_hex(8)}.partial{suffix}")
+    partial = path.with_name(f"{_PARTIAL}{secrets.token_hex(8)}.partial{suffix}")
     try:
         permissions = _PRIVATE if private else _permissions(partial, path)
         yield partial
@@ -85,6 +86,13 @@ def write_durably(path: Path | str, data: bytes) -> None:
     """
     with durable_file(path, suffix="") as partial:
         partial.write_bytes(data)
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove the temporary files of `durable_file` in a folder whose writers were killed; none may live."""
+    for path in folder.glob(f"{_PARTIAL}*.partial*"):
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def durable_folder(folder: Path) -> None:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
+from hsslam_node.durable_file import remove_partial_files
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owned_after_death, pose_count, remove_arena
 from hsslam_services.arena.process_registry import living_processes
@@ -88,6 +89,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
             mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)
         return
     _kill(living_processes(arena_dir))
+    remove_partial_files(run_dir)
     if not not_saved:
         remove_arena(arena_dir)
 

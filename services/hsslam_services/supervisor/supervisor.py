@@ -10,6 +10,7 @@ import signal
 import traceback
 from collections.abc import Callable, Collection, Mapping
 
+from hsslam_node.durable_file import remove_partial_files
 from hsslam_node.errors import UserError, one_line
 from hsslam_node.kernels.cache_folder import has_run_kernels
 from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
@@ -91,6 +92,7 @@ class Supervisor:
                     run.drain()
                     raise
                 run.kill_all()
+                remove_partial_files(info.path)  # of savers that were killed
         except UserError:
             arena.remove()
             prepared.give_back()

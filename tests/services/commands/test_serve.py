@@ -186,6 +186,7 @@ def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(
 ):
     run = serve(*SMALL_ROOM, "--synth.length", "1500", *_LONG_END)
     run.wait_for_poses(5)
+    (run.out / ".hsslam-0123456789abcdef.partial.ply").touch()  # as of a saver that was killed
     if code == ExitCode.NOT_SAVED:
         (run.out / "trajectory.txt").mkdir()
     run.signal(signal.SIGTERM)
@@ -194,6 +195,7 @@ def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(
     assert run.finish(timeout_s=40) == code, run.stderr
     assert "mesh" in run.summary()["given_up"] and not (run.out / "mesh.ply").exists()
     assert "mesh not saved: a second signal ended the run" in run.stderr
+    assert not list(run.out.glob(".hsslam-*"))
     if code == ExitCode.NOT_SAVED:
         assert run.stderr.strip().endswith(f"hsslam-serve rescue {run.arena_dir}")
         assert run.left_behind() == [str(run.arena_dir)]
@@ -205,12 +207,13 @@ def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(
 def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(15)
+    (run.out / ".hsslam-0123456789abcdef.partial.txt").touch()
     run.kill_worker("watchdog")
     run.close_bus()
     run.signal(signal.SIGKILL)
     run.process.wait()
     run.expect_nothing_left(timeout_s=60)  # after the watchdog has saved what there is
-    assert (run.out / "trajectory.txt").exists()
+    assert (run.out / "trajectory.txt").exists() and not list(run.out.glob(".hsslam-*"))
     assert _messages_per_topic(run.out / "run.mcap")["hsslam/robot/out/pose"] >= 15
 
 
