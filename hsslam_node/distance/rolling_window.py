@@ -22,9 +22,8 @@ _WIDTH_PX = 320  # of the pixels looked at, at least
 _STOREY_M = 2.5  # between floors, at least
 _FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
 _MOST_KEYFRAMES = 64  # that a window is marked from at once; 0.3 s
-_NEWEST_KEYFRAMES = (
-    24  # are always among them, 3 s at 30 Hz: the newest view of a place is the valid one
-)
+# of these, the newest, 3 s at 30 Hz: the newest view of a place is the valid one
+_NEWEST_KEYFRAMES = 24
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
 _RECENT_FRAMES = 10  # that are marked anew: one second, and more than clear or mark a voxel; 12 MB
@@ -196,9 +195,7 @@ class RollingWindow:
         for k in _spread(keyframes, within):
             while recent and recent[0].next_keyframe <= keyframes.ids[k]:
                 self._mark(recent.popleft(), occupancy)
-            depth_m, T = keyframes.views[k]
-            occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
-            self._remember(int(keyframes.ids[k]), T)
+            self._mark_keyframe(keyframes, k, occupancy)
         for frame in recent:
             self._mark(frame, occupancy)
         return occupancy
@@ -214,10 +211,14 @@ class RollingWindow:
             return
         before = Occupancy(occupancy.grid, self.T_floor_world, max_depth_m=self._max_depth_m)
         for k in _spread(keyframes, within[is_new]):
-            depth_m, T = keyframes.views[k]
-            before.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
-            self._remember(int(keyframes.ids[k]), T)
+            self._mark_keyframe(keyframes, k, before)
         occupancy.fill_from(before)
+
+    def _mark_keyframe(self, keyframes: MapKeyframes, k: int, occupancy: Occupancy) -> None:
+        """Mark the k-th of the keyframes."""
+        depth_m, T = keyframes.views[k]
+        occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
+        self._remember(int(keyframes.ids[k]), T)
 
     def _mark(self, frame: _SeenFrame, occupancy: Occupancy) -> None:
         """Mark a recent frame where its keyframe stands now."""

@@ -53,7 +53,7 @@ class Faults:
 
     `of_all`: of those that write, list and remove, too. Of writes that end half-way one in two comes to the
     server whole, and only its answer is lost. `ranges`: the ranges that were asked for, by path, in order.
-    While `away` is positive, requests are refused and it is counted down. `closed`: path of what nobody may
+    While `away` is positive, requests are refused and it is counted down. `closed`: path of what no user may
     read, or the beginning of its path.
     """
 

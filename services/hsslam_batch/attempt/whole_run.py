@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-_SUMMARY = "summary.json"  # the last file that a run writes
+from hsslam_services.run.summary import SUMMARY_FILE
 
 
 def expect_whole(run_dir: Path) -> None:
@@ -11,5 +11,5 @@ def expect_whole(run_dir: Path) -> None:
     Raises:
         OSError: the folder or its summary.json is missing.
     """
-    if not (run_dir / _SUMMARY).is_file():
-        raise OSError(f"{run_dir}: no {_SUMMARY}: expected a run folder that nobody removes")
+    if not (run_dir / SUMMARY_FILE).is_file():  # the last file that a run writes
+        raise OSError(f"{run_dir}: no {SUMMARY_FILE}: expected a run folder that is whole")

@@ -1,5 +1,6 @@
 """The marker of an arena whose results are not all on disk: which are missing, of which run (no torch)."""
 
+import contextlib
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -30,6 +31,14 @@ def mark_unsaved(
     partial = arena_dir / f"{_FILE}.partial"
     partial.write_text(json.dumps(unsaved | {"run_dir": str(run_dir)}))
     partial.replace(arena_dir / _FILE)
+
+
+def leave_to_user(arena_dir: Path, run_dir: Path) -> None:
+    """Let an arena wait for `hsslam-serve rescue`, with the artefacts that its mark names, or all; ignores
+    errors, as of an arena that is gone or a memory that is full."""
+    unsaved = read_unsaved(arena_dir)
+    with contextlib.suppress(OSError):
+        mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)
 
 
 def is_marked(arena_dir: Path) -> bool:

@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import read_summary
+from hsslam_services.run.summary import SUMMARY_FILE, read_summary
 
 _MAPS = ("map.safetensors", "map_fragment_*.safetensors")
 _WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", *_MAPS)
@@ -17,7 +17,7 @@ _FILES = (
     *_WORTH_KEEPING,
     "run*.rrd",
     "keyframes*.txt",
-    "summary.json",
+    SUMMARY_FILE,
     "picture.png",
     ".run*.mcap*",
     "run.json",

@@ -19,8 +19,8 @@ from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import (
     ARENA_ARTEFACTS,
     is_marked,
+    leave_to_user,
     mark_unsaved,
-    read_unsaved,
 )
 from hsslam_services.bus.dead_pools import remove_unused_pools
 from hsslam_services.run.stop_signals import END_SIGNAL
@@ -84,9 +84,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         update_summary(run_dir, {**log, **reason, "not_saved": {**not_saved, **lost}})
     except (UserError, OSError) as error:
         _report(f"error: {error}")
-        unsaved = read_unsaved(arena_dir)
-        with contextlib.suppress(OSError):
-            mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)
+        leave_to_user(arena_dir, run_dir)
         return
     _kill(living_processes(arena_dir))
     remove_partial_files(run_dir)

@@ -14,7 +14,7 @@ from hsslam_node.durable_file import write_durably
 from hsslam_services.run.known_latencies import KnownLatencies
 from hsslam_services.run.process_result import python_number
 
-_FILE, _DAMAGED_FILE = "summary.json", "summary.damaged.json"
+SUMMARY_FILE, _DAMAGED_FILE = "summary.json", "summary.damaged.json"
 _LOST, _DEAD_RECKONED = 2, 3  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
@@ -26,18 +26,18 @@ def update_summary(
 
     A file that is damaged, as by an editor or a full disk, is kept as summary.damaged.json.
     """
-    known = _read(run_dir / _FILE)
+    known = _read(run_dir / SUMMARY_FILE)
     if known is None:
-        (run_dir / _FILE).replace(run_dir / _DAMAGED_FILE)
+        (run_dir / SUMMARY_FILE).replace(run_dir / _DAMAGED_FILE)
     kept = {key: value for key, value in (known or {}).items() if key not in replaced}
     merged = _merged(kept, section)
     encoded = msgspec.json.encode(merged, enc_hook=python_number)
-    write_durably(run_dir / _FILE, msgspec.json.format(encoded))
+    write_durably(run_dir / SUMMARY_FILE, msgspec.json.format(encoded))
 
 
 def read_summary(run_dir: Path) -> dict[str, Any]:
     """The summary so far; empty if there is none, or if it is damaged."""
-    return _read(run_dir / _FILE) or {}
+    return _read(run_dir / SUMMARY_FILE) or {}
 
 
 def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:

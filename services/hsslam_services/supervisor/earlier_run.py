@@ -1,6 +1,5 @@
 """The previous run in the same folder: waits until its results are saved."""
 
-import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -8,12 +7,7 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owner_lives, try_own
-from hsslam_services.arena.unsaved_marker import (
-    ARENA_ARTEFACTS,
-    is_marked,
-    mark_unsaved,
-    read_unsaved,
-)
+from hsslam_services.arena.unsaved_marker import is_marked, leave_to_user
 from hsslam_services.run.run_info import RunInfo
 
 _LONGEST_RESCUE_S = 600.0
@@ -48,7 +42,7 @@ def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], 
         if not _is_free(arena_dir):
             owned_s = time.monotonic()
         elif time.monotonic() > owned_s + _NO_WATCHDOG_S:
-            _keep_for_user(arena_dir, run_dir)
+            leave_to_user(arena_dir, run_dir)  # its watchdog died again
         if not is_reported:
             is_reported = True
             text = "the previous run was killed: its results are being saved before this run starts"
@@ -75,10 +69,3 @@ def _is_free(arena_dir: Path) -> bool:
             return is_free
     except OSError:
         return True
-
-
-def _keep_for_user(arena_dir: Path, run_dir: Path) -> None:
-    """Leave an arena, whose watchdog died again, to `hsslam-serve rescue`."""
-    unsaved = read_unsaved(arena_dir)
-    with contextlib.suppress(OSError):
-        mark_unsaved(arena_dir, run_dir, unsaved.artefacts if unsaved else ARENA_ARTEFACTS)

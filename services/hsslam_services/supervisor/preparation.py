@@ -23,7 +23,7 @@ from hsslam_services.arena.arena_folder import (
     run_dir_of,
 )
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved, read_unsaved
+from hsslam_services.arena.unsaved_marker import leave_to_user, read_unsaved
 from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.bus.dead_pools import remove_own_pools, remove_unused_pools
 from hsslam_services.governor.shared_level import SharedLevel
@@ -141,7 +141,7 @@ def _save_dead_arenas() -> None:
                 RunInfo.read(arena_dir).restore()
                 start_watchdog(run_dir, arena_dir)
             except (OSError, UserError):
-                mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
+                leave_to_user(arena_dir, run_dir)
 
 
 def _kept_arenas() -> Iterator[tuple[str, str]]:

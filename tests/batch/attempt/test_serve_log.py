@@ -121,7 +121,7 @@ def test_a_log_that_is_larger_than_the_disk_fails_in_the_end(
 def test_a_log_that_nobody_may_read_fails_in_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, closed: str
 ):
-    """An object in an archive, and one of somebody else. If all is refused, the log is not at fault."""
+    """An archived object, and an object of another user. If all is refused, the log is not at fault."""
     with object_store() as (server, client), faulty(server, Faults(1000, closed=closed)) as address:
         reach(server, monkeypatch)
         archive = {} if closed else {"StorageClass": "GLACIER"}

@@ -13,6 +13,14 @@ from hsslam_batch.results.tally import Tally, duration
 from tests.batch.outcomes import outcome, planned
 
 
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time of the clock, s, which the test sets."""
+    clock = [1000.0]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    return clock
+
+
 def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     batch = planned(tmp_path / "out", frames=(100, 200, 0))  # the last is not known: 150
     now = iter((1000.0, 1010.0, 1010.0, 1020.0, 1020.0))
@@ -30,12 +38,8 @@ def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert tally.rest_s() == pytest.approx(20.0 / 40 * 150)  # it has made no more
 
 
-def test_logs_that_fail_at_once_say_nothing_of_the_pace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_logs_that_fail_at_once_say_nothing_of_the_pace(tmp_path: Path, now: list[float]):
     batch = planned(tmp_path / "out", frames=(1000,) * 10)
-    now = [1000.0]
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
     tally = Tally(read_manifest(batch.out), [])
     for k in range(5):
         tally.settle(outcome(batch, k, "bad input"))
@@ -57,12 +61,10 @@ def test_a_log_of_unknown_length_counts_with_the_frames_that_it_had(
 
 
 def test_logs_of_unknown_length_are_as_long_as_those_that_are_done(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, now: list[float]
 ):
     """As logs of a store are: no plan knows their length."""
     batch = planned(tmp_path / "out", frames=(0,) * 100)
-    now = [1000.0]
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
     tally = Tally(read_manifest(batch.out), [])
     tally.run({"id0": 300, "id1": 300})
     assert tally.rest_s() is None

@@ -6,7 +6,7 @@ from hsslam_node.geometry.se3 import se3_exp
 
 
 def _views(*groups: tuple[int, float]) -> np.ndarray:
-    """So many views [N, 4, 4] about each place along x, m, a millimetre apart."""
+    """For each group, `count` views about `x_m`, a millimetre apart along x: [N, 4, 4]."""
     places = [x_m + 0.001 * k for count, x_m in groups for k in range(count)]
     return np.stack([se3_exp(np.array([x, 0.0, 0, 0, 0, 0])) for x in places])
 

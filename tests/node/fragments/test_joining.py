@@ -14,10 +14,17 @@ from tests.small_room import SMALL, room_frames, room_poses
 _IN_ORIGIN = FragmentPlace(np.eye(4), np.zeros(3))
 
 
+def _map(capacity: int) -> KeyframeStore:
+    """A map with room for `capacity` keyframes and one keyframe, at its origin."""
+    first = room_frames()[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, capacity)
+    store.append(first, np.eye(4))
+    return store
+
+
 def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
     first = room_frames()[0]
-    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 4)
-    store.append(first, np.eye(4))
+    store = _map(4)
     store.room.allow(1)
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
@@ -30,10 +37,7 @@ def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
 
 def test_covariances_are_turned_into_the_axes_of_the_map():
     frames = room_frames()
-    store = KeyframeStore.create(
-        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 4
-    )
-    store.append(frames[0], np.eye(4))
+    store = _map(4)
     fragment = Fragment(SMALL, frames[0], 0, 1, 8)
     unsure_along_x = np.diag([1.0, *5 * [1e-6]])
     fragment.store.append(frames[1], np.eye(4), covariance=unsure_along_x)
@@ -47,10 +51,7 @@ def test_covariances_are_turned_into_the_axes_of_the_map():
 def test_keyframes_far_from_the_meeting_are_less_sure():
     """The pose of the fragment in the map has an error of rotation: 20 m away it is 20 cm."""
     frames = room_frames()
-    store = KeyframeStore.create(
-        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 4
-    )
-    store.append(frames[0], np.eye(4))
+    store = _map(4)
     fragment = Fragment(SMALL, frames[0], 0, 1, 8)
     met, away = se3_exp(np.array([1, 2, 3, 0, 0, 0])), se3_exp(np.array([21, 2, 3, 0, 0, 0]))
     fragment.store.append(frames[1], met)
@@ -66,10 +67,7 @@ def test_keyframes_far_from_the_meeting_are_less_sure():
 
 def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
     frames, rng = room_frames(), np.random.default_rng(0)
-    store = KeyframeStore.create(
-        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 4
-    )
-    store.append(frames[0], np.eye(4))
+    store = _map(4)
     poses = np.stack([se3_exp(rng.normal(size=6)) for _ in range(5)])
     roots = 0.05 * rng.normal(size=(5, 6, 6))
     gaps = roots @ roots.swapaxes(1, 2)
@@ -91,10 +89,7 @@ def test_the_newest_keyframe_is_copied_if_odometry_alone_bridged_the_way_to_it()
     frames = room_frames()
     gap = 0.01 * np.eye(6)
     for has_gap, copied in ((False, 3), (True, 4)):
-        store = KeyframeStore.create(
-            MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 5
-        )
-        store.append(frames[0], np.eye(4))
+        store = _map(5)
         fragment = Fragment(SMALL, frames[0], 0, 1, 8)
         for k in range(6):
             at_end = gap if has_gap and k == 5 else None
@@ -113,13 +108,12 @@ def _moved(T_cam_next: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 def test_a_fragment_that_is_full_retires_keyframes_and_joins_with_the_others():
-    first, fragment = room_frames()[0], Fragment(SMALL, room_frames()[0], 0, 1, 6)
+    fragment = Fragment(SMALL, room_frames()[0], 0, 1, 6)
     results = [fragment.track(frame) for frame in room_frames()]
     assert results[0].status == "initial" and {r.status for r in results[1:]} == {"tracked"}
     own, kept = fragment.store, fragment.store.kept().tolist()
     assert own.count >= 8 > 6 >= len(kept) and kept[0] == 0
-    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 32)
-    store.append(first, np.eye(4))
+    store = _map(32)
     joined = Joining(fragment, store, _IN_ORIGIN).finish()
     assert joined is not None and len(joined.keyframes) == own.count
     np.testing.assert_array_equal(joined.keyframes[kept], np.arange(1, store.count))

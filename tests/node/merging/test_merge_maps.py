@@ -15,7 +15,7 @@ from tests.two_sessions import FIRST, SECOND, session
 
 
 def test_maps_that_meet_in_two_ways_are_refused(tmp_path):
-    """The first map has two rooms that nobody can tell apart, one 20 m beside the other."""
+    """The first map has the same room twice, 20 m apart."""
     paths = tmp_path / "first.safetensors", tmp_path / "second.safetensors"
     for path, rows in zip(paths, (FIRST, SECOND), strict=True):
         store, parameters = session(rows)

@@ -13,7 +13,7 @@ from hsslam_services.governor.shared_level import SharedLevel
 
 
 class _Rests(threading.Event):
-    """The end of a process, which nobody waits for: it notes how long one would."""
+    """Stands for the end of a process: `wait` notes how long it is asked to wait, and returns at once."""
 
     def __init__(self) -> None:
         super().__init__()
