@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from tests.folder_of_workers import share
-from tests.order_of_tests import in_order
+from tests.order_of_tests import in_order, without_group
 from tests.power_cut import Disk
 from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
 
@@ -23,6 +23,12 @@ settings.load_profile("project")
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if getattr(config.option, "loadgroup", False):
         items[:] = in_order(items)
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest notes which tests `--last-failed` takes
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if hasattr(report, "node"):  # of a worker of pytest-xdist
+        report.nodeid = without_group(report.nodeid)
 
 
 @pytest.fixture(scope="session", autouse=True)

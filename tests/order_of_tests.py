@@ -24,3 +24,8 @@ def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
         ordered += runs[begun:due] + of_file
         begun = due
     return ordered + runs[begun:]
+
+
+def without_group(node_id: str) -> str:
+    """The name of a test by which pytest selects it: pytest-xdist adds `@` and the group, here the file."""
+    return node_id.removesuffix(f"@{node_id.partition('::')[0]}")

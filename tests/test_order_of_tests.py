@@ -40,27 +40,23 @@ def test_runs_alone_keep_their_order(pytester):
     assert in_order(runs) == runs
 
 
-def test_one_worker_takes_all_tests_of_a_file(pytester, monkeypatch):
+def test_one_worker_takes_all_tests_of_a_file_and_those_that_fail_are_known(pytester, monkeypatch):
     """pytest-xdist 3.8 ignores groups with pytest 9.2, without a word."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     pytester.makeconftest(
-        """
-        import pytest
-        from tests.order_of_tests import in_order
-
-        @pytest.hookimpl(tryfirst=True)
-        def pytest_collection_modifyitems(items):
-            items[:] = in_order(items)
-        """
+        "from tests.conftest import pytest_collection_modifyitems, pytest_runtest_logreport"
     )
-    pytester.makepyfile(**{f"test_{name}": _FILE for name in "abcd"})
+    failing = "\ndef test_unmet(): assert False\n"
+    pytester.makepyfile(**{f"test_{name}": _FILE + failing for name in "abcd"})
     options = ("--numprocesses", "2", "--dist", "loadgroup", "-v", "-W", "ignore")
     result = pytester.runpytest_subprocess(*options)
-    result.assert_outcomes(passed=12)
+    result.assert_outcomes(passed=12, failed=4)
     workers: dict[str, set[str]] = {}
     for worker, name in re.findall(
-        r"^\[(gw\d)\].*PASSED test_(\w)\.py::test_(?!run)", result.stdout.str(), re.M
+        r"^\[(gw\d)\].*(?:PASSED|FAILED) test_(\w)\.py::test_(?!run)", result.stdout.str(), re.M
     ):
         workers.setdefault(name, set()).add(worker)
     assert sorted(workers) == list("abcd")
     assert all(len(of_file) == 1 for of_file in workers.values()), workers
+    again = pytester.runpytest_subprocess("--last-failed", "-W", "ignore")
+    again.assert_outcomes(failed=4)

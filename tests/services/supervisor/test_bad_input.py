@@ -118,7 +118,7 @@ def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
         (good, encoding.replace(".v1", ".v2")),
         (good[: len(good) // 2], encoding),
         (nan, encoding),
-        (bytes(65 * 2**20), encoding),
+        (bytes(4 * 2**20), encoding),
     )
     for count, (payload, sent_as) in enumerate(bad, 1):
         session.put(
