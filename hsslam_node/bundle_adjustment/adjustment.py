@@ -24,8 +24,7 @@ class BundleAdjustment(ABC):
 
     def has_joined(self, store: KeyframeStore) -> bool:
         """Whether a fragment has joined the map since the last round."""
-        fragments = store.fragments()[self._adjusted(store) - 1 :]
-        return bool((fragments != fragments[:1]).any())
+        return store.joined_since(self._adjusted(store)) > 0
 
     @abstractmethod
     def round(

@@ -96,8 +96,8 @@ class GraphBundleAdjustment(BundleAdjustment):
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._used - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
-        new = fragments[self._used - 1 :]
-        if (new != new[0]).any() and self._rounds:  # align all of a fragment that has just joined
+        # align all of a fragment that has just joined
+        if self._rounds and store.joined_since(self._used, count):
             most = len(due)
             self._all_at_next = True
         self._left = [k for k in due[most:] if k in kept and k >= store.inherited]

@@ -234,13 +234,14 @@ class KeyframeStore:
         """
         return self._rows.fragments(self.count)
 
-    def joined_since(self, first: int) -> int:
-        """How many of the keyframes from number `first` on came with a fragment that joined the map, or were
-        appended after it."""
-        if not 0 < first < self.count:
+    def joined_since(self, first: int, end: int | None = None) -> int:
+        """How many of the keyframes from number `first` up to `end` (None: all) came with a fragment that
+        joined the map, or were appended after it. A tracker that is restarted goes on as in the map, with
+        number 0: this is no join."""
+        numbers = self.fragments()[:end]
+        if not 0 < first < len(numbers):
             return 0
-        numbers = self.fragments()[first - 1 :]
-        return int((numbers[1:] > numbers[0]).sum())
+        return int((numbers[first:] > numbers[first - 1]).sum())
 
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""

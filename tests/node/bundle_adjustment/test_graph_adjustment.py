@@ -240,6 +240,21 @@ def test_keyframes_that_come_while_a_round_measures_are_left_to_the_next():
     assert not (ba.is_behind(room.store) or ba.has_joined(room.store))
 
 
+def test_keyframes_of_a_restarted_tracker_are_no_fragment_that_has_joined():
+    room = mapped_room(_config(most_keyframes=2))
+    ba, store = GraphBundleAdjustment(room.config, room.parameters, 0), room.store
+    ba.round(store)
+    store.append(room_frames()[1], store.pose(9), fragment=1)
+    assert ba.has_joined(store)
+    ba.round(store)
+    assert not ba.is_behind(store)  # all of the fragment, and what was left
+    for frame in room_frames()[2:7]:
+        store.append(frame, store.pose(9))
+    assert not ba.has_joined(store)
+    ba.round(store)
+    assert ba.is_behind(store)  # three of five are left
+
+
 def test_twice_the_same_to_the_bit():
     poses = []
     for _ in range(2):
