@@ -99,6 +99,16 @@ class GravityWindows:
         """Discard the open window: the camera was not tracked."""
         self._open = None
 
+    def take_over(
+        self, other: "GravityWindows", keyframes: np.ndarray, R_keyframe_own: np.ndarray
+    ) -> None:
+        """Add the windows of another map, and go on with the open one. Its keyframe k moves with keyframe
+        `keyframes[k]` [n] int64 of this map; R_keyframe_own [n, 3, 3] maps its axes to those of that one."""
+        for k, force, axes in other._rows:
+            R = R_keyframe_own[k]
+            self._rows.append((int(keyframes[k]), R @ force, R @ axes))
+        self._open = other._open
+
     @property
     def keyframes(self) -> np.ndarray:
         """[n] int64, the keyframe of each window."""

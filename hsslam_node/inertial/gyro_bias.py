@@ -24,8 +24,16 @@ class GyroBias:
         excess = so3_log(R_before_after.T @ motion.rotation) / motion.seconds
         off = excess - self.value
         off *= min(1.0, _LARGEST / (np.linalg.norm(off) + 1e-12))
-        self._seconds = min(self._seconds + motion.seconds, _MEMORY_S)
-        value = self.value + motion.seconds / self._seconds * off
+        self._add(off, motion.seconds)
+
+    def take_over(self, newer: "GyroBias") -> None:
+        """Learn what another mean of the same gyroscope has learnt since."""
+        if newer._seconds > 0:
+            self._add(newer.value - self.value, newer._seconds)
+
+    def _add(self, off: np.ndarray, seconds: float) -> None:
+        self._seconds = min(self._seconds + seconds, _MEMORY_S)
+        value = self.value + seconds / self._seconds * off
         self.value = value * min(1.0, _MOST / (np.linalg.norm(value) + 1e-12))
 
     def removed(self, motion: InertialMotion) -> np.ndarray:

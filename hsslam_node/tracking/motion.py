@@ -110,7 +110,7 @@ class CameraMotion:
         self._last = joined.placed(other.last)
         self._before_last = other._before_last and joined.placed(other._before_last)
         self.lost_frames = other.lost_frames
-        self._inertial.restart(None)
+        self._inertial.take_over(other._inertial, joined)
 
     def note_carried(self) -> None:
         """Drop the velocity, as a person names the place of the next frame."""

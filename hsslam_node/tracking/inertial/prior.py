@@ -8,6 +8,7 @@ from hsslam_node.inertial.gyro_bias import GyroBias
 from hsslam_node.inertial.reading import ImuReading, motion_between
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.motion_agreement import MotionAgreement
+from hsslam_node.tracking.tracked_frame import JoinedFragment
 
 _REST_RAD_S = 0.06  # by which the IMU may differ, also at rest: bias, and noise of tracking
 _SURE_WINDOWS = 5  # of about a second, before gravity is called wrong
@@ -86,6 +87,15 @@ class InertialPrior:
         """Measure rotations from this frame on; the motion before it is not known."""
         self._windows.break_off()
         self._begin(reading)
+
+    def take_over(self, other: "InertialPrior", joined: JoinedFragment) -> None:
+        """Continue from a fragment that has joined the store: rotations and bias are in the axes of the
+        camera, and each window of gravity in those of a keyframe."""
+        self._bias.take_over(other._bias)
+        self._windows.take_over(other._windows, joined.keyframes, joined.T_keyframe_own[:, :3, :3])
+        if other._agreement.is_known:
+            self._agreement = other._agreement
+        self._last, self._newest, self._turn = other._last, other._newest, other._turn
 
     def _begin(self, reading: ImuReading | None) -> None:
         self._last = self._newest = reading

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse, so3_exp
+from hsslam_node.geometry.fragment_place import FragmentPlace
+from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp
 from hsslam_node.inertial.gravity import STANDARD_GRAVITY
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.inertial.simulated import simulated_imu
@@ -15,7 +16,8 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.synth import synth_truth
 from hsslam_node.tracking.inertial.prior import InertialPrior
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.motion import CameraMotion
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 
@@ -136,3 +138,59 @@ def test_a_prediction_is_turned_by_what_the_imu_saw_since():
     np.testing.assert_allclose(prior.turned(T[19], T[19])[:3, :3], T[21, :3, :3], atol=1e-6)
     prior.take(None)
     np.testing.assert_array_equal(prior.turned(T[19], T[19]), T[19])
+
+
+class _Followed:
+    """The motion of a camera along the true path, in a map whose world is T_map_room [4, 4] from the room."""
+
+    def __init__(self, T_map_room: np.ndarray, readings: Sequence[ImuReading | None]) -> None:
+        first = room_frames()[0]
+        units = first.depth_units_per_m
+        self.store = KeyframeStore.create(MemoryAllocator(), first.camera, units, 8)
+        self.motion = CameraMotion(SMALL.tracker, self.store)
+        self._frames, self._T = _with(readings), T_map_room @ room_poses()
+
+    def begin(self, k: int) -> None:
+        self.motion.begin(self._frames[k], self.add_keyframe(k))
+
+    def add_keyframe(self, k: int) -> int:
+        return self.store.append(self._frames[k], self._T[k])
+
+    def go_on(self, numbers: range) -> None:
+        keyframe = self.store.count - 1
+        T_keyframe_world = inverse(self.store.pose(keyframe))
+        for k in numbers:
+            self.motion.take(self._frames[k])
+            T_keyframe_cam = T_keyframe_world @ self._T[k]
+            self.motion.aligned(self._frames[k], self._T[k], keyframe, T_keyframe_cam)
+
+    def off_rad(self, k: int) -> float:
+        """Of the predicted rotation of a frame."""
+        self.motion.take(self._frames[k])
+        return np.radians(
+            pose_error(self.motion.predicted(self._frames[k].stamp_ns), self._T[k])[1]
+        )
+
+
+def test_gravity_and_bias_of_a_fragment_go_on_in_the_map_that_it_joins():
+    """The fragment has keyframes 0 and 1; the map gets 0 alone, with which 1 moves."""
+    readings = _readings()
+    T_fragment_room = se3_exp(np.array([3.0, -0.2, 1.0, 0.4, 1.1, -0.7]))
+    of_map, of_fragment = _Followed(np.eye(4), readings), _Followed(T_fragment_room, readings)
+    of_map.begin(0)
+    of_fragment.begin(1)
+    of_fragment.go_on(range(2, 18))
+    of_fragment.add_keyframe(18)
+    of_fragment.go_on(range(19, 34))
+    copy = of_map.add_keyframe(1)
+    T_copied = of_fragment.store.pose(0)
+    T_own = inverse(T_copied) @ of_fragment.store.poses()
+    place = FragmentPlace(inverse(T_fragment_room), np.zeros(3))
+    joined = JoinedFragment(1, place, np.full(2, copy), T_own, np.stack([T_copied] * 2))
+    of_map.motion.take_over(of_fragment.motion, joined)
+    assert of_map.store.world_frame.gravity is None
+    # by constant velocity 8e-4, by an IMU with its bias 1.5e-2
+    assert of_map.off_rad(37) < 3e-4
+    of_map.go_on(range(34, 40))
+    gravity = of_map.store.world_frame.gravity
+    assert gravity is not None and gravity.up @ _up() > np.cos(0.01)
