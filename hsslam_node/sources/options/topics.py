@@ -83,7 +83,7 @@ class BagOptions:
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry (empty: none is used)."""
     imu: str = ""
-    """IMU, sensor_msgs/Imu (empty: the only topic of an IMU if --camera-T-imu is set, else none)."""
+    """IMU, sensor_msgs/Imu (empty: of a RealSense recording, or the only one if --camera-T-imu is set)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
 

@@ -1,11 +1,9 @@
 """A ROS bag as a source: `--source bag:FOLDER`, `--source bag:FILE`."""
 
 import contextlib
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import islice
-from types import MappingProxyType
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -13,21 +11,14 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports, sensor_watch
+from hsslam_node.sources.reports import USUAL_SHARE, Report, Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_services.camera.bags.bag_file import BagFile, BagMessage
-from hsslam_services.camera.bags.bag_topics import (
-    camera_of,
-    find_camera,
-    imu_topic,
-    odometry_topic,
-)
+from hsslam_services.camera.bags.bag_sensors import BagSensors, find_sensors
+from hsslam_services.camera.bags.bag_topics import camera_of, find_camera
 from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_used
-from hsslam_services.ros2.imu_in import RosImu
-from hsslam_services.ros2.odometry_in import RosOdometry
-from hsslam_services.ros2.static_transforms import StaticTransforms
 
 _WAITING = 128  # images until their counterpart comes: 4 s at 30 Hz, as recorders may write late
 
@@ -47,12 +38,8 @@ class BagSource(ReadsInTime):
         found = find_camera(self._bag, options.bag, self.reports)
         self._color, self._depth, self._info = found.color, found.depth, found.info
         self._camera_info = b""  # the newest message, without its stamp
-        self._odometry_topic = odometry_topic(self._bag, options.bag)
-        self._imu_topic = imu_topic(self._bag, options.bag, bool(options.camera_T_imu))
-        self._mountings = StaticTransforms()
-        if self._imu_topic and not options.camera_T_imu:
-            self._mountings = self._bag.static_transforms(self.reports)
-        self._camera_frame = found.first[0].frame_id
+        camera_frame = found.first[0].frame_id
+        self._sensors = find_sensors(self._bag, options, found.color, camera_frame, self.reports)
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale or found.depth_units_per_m
         first, mounting = found.first, found.mounting
@@ -86,7 +73,7 @@ class BagSource(ReadsInTime):
         rows = self._rows[first:]
         if not rows:
             return
-        sensors = self._sensors()
+        sensors = BagSensors(self._bag, self._options, self._sensors, self.reports)
         with contextlib.closing(self._paired(self._new_pairs(), sensors, self._info)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
@@ -95,9 +82,7 @@ class BagSource(ReadsInTime):
                         frame = LateFrame(index, color.stamp_ns)
                     else:
                         frame = self._frame(index, color, depth)
-                    for sensor in sensors.values():
-                        frame = sensor.given(frame) if isinstance(frame, Frame) else frame
-                    yield frame
+                    yield sensors.given(frame) if isinstance(frame, Frame) else frame
                 if row == rows[-1]:
                     return
 
@@ -137,29 +122,19 @@ class BagSource(ReadsInTime):
     def _new_pairs(self) -> StampPairs[BagMessage]:
         return StampPairs(round(1e6 * self._max_dt_ms), _WAITING)
 
-    def _sensors(self) -> dict[str, RosOdometry | RosImu]:
-        """Sensors beside the camera, by topic."""
-        sensors: dict[str, RosOdometry | RosImu] = {}
-        if topic := self._odometry_topic:
-            sensors[topic] = RosOdometry(self._options, sensor_watch(topic, self.reports.add))
-        if topic := self._imu_topic:
-            mounted_at = partial(self._mountings.between, self._camera_frame)
-            watch = sensor_watch(topic, self.reports.add)
-            sensors[topic] = RosImu(self._options, mounted_at, watch)
-        return sensors
-
     def _paired(
         self,
         pairs: StampPairs[BagMessage],
-        sensors: Mapping[str, RosOdometry | RosImu] = MappingProxyType({}),
+        sensors: BagSensors | None = None,
         info: str = "",
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
         """Pairs (colour, depth) in the order of the bag; `sensors` take the messages before each pair, as the
         frames take those of the topic `info`."""
-        topics = (self._color, self._depth, *sensors, *([info] if info else []))
+        of_sensors = sensors.topics if sensors else ()
+        topics = (self._color, self._depth, *of_sensors, *([info] if info else []))
         for message in self._bag.messages(topics):
-            if message.topic in sensors:
-                self._take(message, sensors[message.topic])
+            if sensors and message.topic in of_sensors:
+                sensors.take(message)
                 continue
             if message.topic == info:
                 self._hear_camera(message)
@@ -168,14 +143,6 @@ class BagSource(ReadsInTime):
             pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
             if pair is not None:
                 yield pair
-
-    def _take(self, message: BagMessage, sensor: RosOdometry | RosImu) -> None:
-        decode = self._bag.decode
-        of_kind = decode.imu if isinstance(sensor, RosImu) else decode.odometry
-        try:
-            sensor.take(of_kind(message.payload, message.type_name), message.stamp_ns)
-        except (BadImageError, UserError) as error:
-            self.reports.add(Report.unusable(message.topic, error))
 
     def _hear_camera(self, message: BagMessage) -> None:
         """Take a `camera_info`, if it differs from the last one."""

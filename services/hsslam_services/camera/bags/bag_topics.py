@@ -32,8 +32,6 @@ from hsslam_services.camera.ros2_messages import (
     report_one_rectified,
 )
 from hsslam_services.camera.ros_frames import MOST_BROKEN
-from hsslam_services.ros2.imu_in import IMU
-from hsslam_services.ros2.odometry_in import ODOMETRY
 
 
 @dataclass(frozen=True)
@@ -66,11 +64,11 @@ def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamer
     depths = [name for name, image in images.items() if image.content == "depth"]
     named = [name for name in depths if is_named_registered(name)]
     registered = named or [name for name in depths if not is_named_unregistered(name)]
-    color = _chosen(bag, "color", options.color, colors or greys, images)
-    depth = _chosen(bag, "depth", options.depth, registered or depths, images)
+    color = chosen_topic(bag, "color", options.color, colors or greys, images)
+    depth = chosen_topic(bag, "depth", options.depth, registered or depths, images)
     infos = [name for name, message in firsts.items() if message.type_name == INFO]
     beside = _info_beside(color, infos) or infos
-    info = _chosen(bag, "info", options.info, beside, infos)
+    info = chosen_topic(bag, "info", options.info, beside, infos)
     camera = camera_of(bag, firsts[info], color)
     mounting, depth_infos = None, _info_beside(depth, infos)
     if not depth_infos:
@@ -90,36 +88,6 @@ def find_camera(bag: BagFile, options: BagOptions, reports: Reports) -> BagCamer
         units = realsense_recording.depth_units_per_m(bag, depth)
     first = images[color], images[depth]
     return BagCamera(color, depth, info, camera, first, mounting, units)
-
-
-def odometry_topic(bag: BagFile, options: BagOptions) -> str:
-    """The odometry topic that the options name; empty if they name none.
-
-    Raises:
-        UserError: the bag has no such topic, or no messages of it; names all topics.
-    """
-    if not options.odometry:
-        return ""
-    return _chosen(bag, "odometry", options.odometry, (), _with_messages(bag, ODOMETRY))
-
-
-def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
-    """The IMU topic that the options name; else the only one of the bag if `is_mounted`, else empty.
-
-    `is_mounted`: the pose of the IMU in the camera is known.
-
-    Raises:
-        UserError: the bag has no such topic, or several; names all topics.
-    """
-    of_kind = _with_messages(bag, IMU)
-    if options.imu or (is_mounted and of_kind):
-        return _chosen(bag, "imu", options.imu, of_kind, of_kind)
-    return ""
-
-
-def _with_messages(bag: BagFile, type_name: str) -> list[str]:
-    """The topics of this type that have messages."""
-    return [t.name for t in bag.topics if t.type_name == type_name and t.message_count]
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
@@ -183,14 +151,20 @@ def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
     return images
 
 
-def _chosen(
+def chosen_topic(
     bag: BagFile,
     option: str,
     asked: str,
     fitting: Sequence[str],
     known: Sequence[str] | dict[str, RawImage],
 ) -> str:
-    """The topic `asked`, if it is one of `known`; if `asked` is empty, the only fitting topic."""
+    """The topic `asked`, if it is one of `known`; if `asked` is empty, the only fitting topic.
+
+    option: that of `--bag` that names the topic.
+
+    Raises:
+        UserError: there is no such topic, or none or several fit; names all topics.
+    """
     if asked:
         found = [name for name in known if name.strip("/") == asked.strip("/")]
         problem = f"--bag.{option} {asked}: no such topic"
