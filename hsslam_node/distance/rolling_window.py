@@ -26,14 +26,15 @@ _MOST_KEYFRAMES = 64  # that a window is marked from at once; 0.3 s
 _NEWEST_KEYFRAMES = 24
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
-_RECENT_FRAMES = 10  # that are marked anew: one second, and more than clear or mark a voxel; 12 MB
+# that are marked anew: 4 s, as keyframes leave out for 2 s what is new in a view (`dynamic_mask.py`); 12 MB
+_RECENT_FRAMES = 40
 
 
 class _SeenFrame(NamedTuple):
     """A frame that was marked, to mark it anew where its keyframe stands then."""
 
-    depth_m: np.ndarray  # [H, W] float32
-    camera: Camera
+    depth_m: np.ndarray  # [H, W] float32, of the pixels looked at
+    camera: Camera  # of them
     next_keyframe: int  # id of the first keyframe that came later
     keyframe: int
     T_keyframe_cam: np.ndarray  # [4, 4]
@@ -110,13 +111,14 @@ class RollingWindow:
         self._count = self._store.count
         if pose_version is not None and pose_version < self._marked_version:
             return occupancy
-        occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
+        depth_m, camera = _thinned(depth_m, camera)
+        occupancy.observe(depth_m, camera, T_world_cam)
         if 0 <= keyframe < self._store.count:
             T_world_keyframe, version = self._store.pose_at(keyframe)
             self._remember(keyframe, T_world_keyframe)
             if pose_version in (None, version):  # no correction came between
                 seen = _SeenFrame(
-                    depth_m.copy(), camera, self._store.count, keyframe,
+                    depth_m, camera, self._store.count, keyframe,
                     inverse(T_world_keyframe) @ T_world_cam,
                 )  # fmt: skip
                 self._recent.append(seen)
@@ -217,14 +219,14 @@ class RollingWindow:
     def _mark_keyframe(self, keyframes: MapKeyframes, k: int, occupancy: Occupancy) -> None:
         """Mark the k-th of the keyframes."""
         depth_m, T = keyframes.views[k]
-        occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
+        occupancy.observe(*_thinned(depth_m, keyframes.camera), T)
         self._remember(int(keyframes.ids[k]), T)
 
     def _mark(self, frame: _SeenFrame, occupancy: Occupancy) -> None:
         """Mark a recent frame where its keyframe stands now."""
         T_world_keyframe = self._store.pose(frame.keyframe)
         T = T_world_keyframe @ frame.T_keyframe_cam
-        occupancy.observe(frame.depth_m, frame.camera, T, _stride_px(frame.camera))
+        occupancy.observe(frame.depth_m, frame.camera, T)
         self._remember(frame.keyframe, T_world_keyframe)
 
     def _within(self, grid: VoxelGrid, keyframes: MapKeyframes) -> np.ndarray:
@@ -256,5 +258,10 @@ def _spread(keyframes: MapKeyframes, rows: np.ndarray) -> list[int]:
     return rows[chosen].tolist()
 
 
-def _stride_px(camera: Camera) -> int:
-    return max(camera.width_px // _WIDTH_PX, 1)
+def _thinned(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
+    """The pixels that a window is marked from, a copy, and their camera."""
+    step = max(camera.width_px // _WIDTH_PX, 1)
+    chosen = depth_m[::step, ::step].copy()
+    height, width = chosen.shape
+    fx, fy, cx, cy = (n / step for n in (camera.fx, camera.fy, camera.cx, camera.cy))
+    return chosen, Camera(width, height, fx, fy, cx, cy)

@@ -12,6 +12,7 @@ from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.inertial.gravity import Gravity
@@ -142,6 +143,49 @@ def test_a_person_who_came_since_the_last_keyframe_is_there_after_a_correction(
     store.correct_poses(np.array([0]), T[None])
     known = window.take(with_person, camera, T, 0, store.pose_version)
     assert _at(known, (0.2, 0, 1.225), (0.2, 0, 1.0)) == [OCCUPIED, FREE]
+
+
+def test_what_keyframes_left_out_as_moving_is_there_after_a_correction(window, store, camera):
+    """The camera sees a new object for 0.6 s, then turns away; its keyframes have no depth there for 2 s."""
+    with_object = wall(2.02)
+    with_object[40:80, 60:100] = 1.22
+    masked = with_object.copy()
+    masked[36:84, 56:104] = 0.0
+    away = se3_exp(np.array([0, 0, 0, 0, np.pi, 0]))
+    for n in range(20):
+        view, T = (with_object, np.eye(4)) if n < 6 else (wall(2.02), away)
+        k = _append(store, masked if n < 6 else view, T)
+        known = window.take(view, camera, T, k)
+    assert _at(known, (0, 0, 1.225)) == [OCCUPIED]
+    T = _shifted(0.2)
+    moved = [T] * 7 + [T @ away] * 14
+    store.correct_poses(np.arange(21), np.stack(moved))
+    known = window.take(wall(2.02), camera, T @ away, 20, store.pose_version)
+    assert _at(known, (0.2, 0, 1.225), (0.2, 0, 1.0)) == [OCCUPIED, FREE]
+
+
+@pytest.mark.parametrize(("width_px", "height_px"), [(640, 480), (848, 480), (1280, 721)])
+def test_a_large_image_is_marked_anew_as_it_was_marked(width_px, height_px):
+    """From the pixels that are looked at, which are all that the window keeps."""
+    f = 0.9 * width_px
+    camera = Camera(width_px, height_px, f, f, width_px / 2 - 0.3, height_px / 2 + 0.7)
+    rows, columns = np.mgrid[:height_px, :width_px] / width_px
+    depth_m = (2.0 + 0.5 * columns - 0.3 * rows).astype(np.float32)
+    store = _store(camera)
+    behind = se3_exp(np.array([0, 0, 0, 0, np.pi, 0]))
+    _append(store, depth_m, behind)
+    store.world_frame.note_level(_UPRIGHT)
+    window = RollingWindow(store)
+    for _ in range(3):
+        known = window.take(depth_m, camera, np.eye(4), 0)
+    before, first = known.states().copy(), known.grid.first
+    T = _shifted(0.5)  # whole voxels
+    store.correct_poses(np.array([0]), (T @ behind)[None])
+    known = window.take(np.zeros_like(depth_m), camera, T, 0, store.pose_version)
+    aside = np.subtract(known.grid.first, first)
+    np.testing.assert_array_equal(np.abs(aside), [0, 10, 0])
+    assert (before == OCCUPIED).sum() > 1000
+    assert (known.states() != before).mean() < 1e-4  # rounding
 
 
 def test_a_person_whom_newer_keyframes_do_not_see_is_gone_after_a_correction(window, store, camera):
