@@ -54,19 +54,28 @@ class GridMap:
         return values
 
     def distances_m(self, far_m: float = 2.0) -> np.ndarray:
-        """Distance [height, width] float32 m from the middle of each cell to the nearest occupied one.
+        """Distance [height, width] float32 m from the middle of each cell to the edge of the nearest occupied
+        one, so no surface in a cell is nearer; it may be up to a diagonal of a cell farther.
 
         0 in occupied cells, at most `far_m`, nan in unknown cells.
         """
         height, width = self.cells.shape
-        far = min(math.ceil(far_m / self.resolution_m), height + width)  # cells
+        # half cells: middles are odd, edges even
+        occupied = np.zeros((2 * height + 1, 2 * width + 1), np.bool_)
+        needed = np.zeros_like(occupied)
+        rows, columns = np.nonzero(self.cells == CELL_OCCUPIED)
+        for row, column in np.ndindex(3, 3):
+            occupied[2 * rows + row, 2 * columns + column] = True
         known = self.cells != CELL_UNKNOWN
+        needed[1::2, 1::2] = known
+        far = min(math.ceil(2 * far_m / self.resolution_m), sum(occupied.shape))
         none = no_site(far, _NO_NUMBERS)
-        keys = np.full((1, height, padded_width(width)), none, np.uint32)
-        keys[0, :, :width][self.cells == CELL_OCCUPIED] = 0
-        nearest_sites(keys, marks(known[None]), far, _NO_NUMBERS)
-        squared = keys[0, :, :width]
-        distance = np.minimum(np.sqrt(squared, dtype=np.float64) * self.resolution_m, far_m)
+        keys = np.full((1, len(occupied), padded_width(occupied.shape[1])), none, np.uint32)
+        keys[0, :, : occupied.shape[1]][occupied] = 0
+        nearest_sites(keys, marks(needed[None]), far, _NO_NUMBERS)
+        squared = keys[0, 1::2, 1 : 2 * width : 2]
+        half_m = self.resolution_m / 2
+        distance = np.minimum(np.sqrt(squared, dtype=np.float64) * half_m, far_m)
         return np.where(known, np.where(squared < none, distance, far_m), np.nan).astype(np.float32)
 
 

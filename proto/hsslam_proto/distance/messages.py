@@ -65,8 +65,9 @@ class Grid(Raster, frozen=True, kw_only=True):
 class Esdf(Raster, frozen=True, kw_only=True):
     """Distance in the plane of the floor from each cell of a `Grid` to the nearest occupied cell.
 
-    `distance_mm` is [height, width] int16 mm from the middle of the cell: 0 if it is occupied, at most
-    2000, -32768 if it is unknown. All other fields are as in `Grid`.
+    `distance_mm` is [height, width] int16 mm from the middle of the cell to the nearest edge of an occupied
+    one: 0 if it is occupied itself, at most 2000, -32768 if it is unknown. The surface in the occupied cell
+    is not nearer, and up to a diagonal of a cell farther. All other fields are as in `Grid`.
     """
 
     distance_mm: memoryview

@@ -4,16 +4,17 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.esdf_file import read_esdf, write_esdf
 from hsslam_node.distance.floor_plane import FloorPlane
 from hsslam_node.distance.grid_map import GridMap, grid_map
 from hsslam_node.distance.nav2_files import write_nav2_files
+from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
+from tests.node.distance.conftest import wall
 
 GRID = VoxelGrid(0.1, (-20, 5, -3), (40, 30, 25))  # x -2 to 2, y 0.5 to 3.5, z -0.3 to 2.2 m
 FLOOR = FloorPlane((0.0, -1.0, 0.0), -1.2, "floor plane")
@@ -61,20 +62,47 @@ def test_distances_on_the_floor(distances):
     found = grid.distances_m(far_m=0.8)
     assert np.isnan(found[grid.cells == -1]).all() and (found[grid.cells == 100] == 0).all()
     column, row = 30, 4  # beside the pillar's first column, 29
-    assert found[row, 28] == pytest.approx(0.1) and found[row, column] == 0
+    assert found[row, 28] == pytest.approx(0.05) and found[row, column] == 0
     assert np.nanmax(found) == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize(("share", "far_m"), [(0.01, 2.0), (0.3, 0.5), (0.0, 1.0), (0.01, 100.0)])
-def test_distances_on_the_floor_are_exact(share, far_m):
+def test_distances_on_the_floor_are_those_to_the_edges_of_cells(share, far_m):
     rng = np.random.default_rng(0)
     cells = rng.choice([-1, 0], (33, 70)).astype(np.int8)
     cells[rng.random(cells.shape) < share] = 100
     found = GridMap(cells, 0.05, (0.0, 0.0), np.eye(4)).distances_m(far_m)
     exact = np.full(cells.shape, far_m)
     if (cells == 100).any():
-        exact = np.minimum(distance_transform_edt(cells != 100) * 0.05, far_m)
-    np.testing.assert_array_equal(found, np.where(cells == -1, np.nan, exact).astype(np.float32))
+        places, occupied = np.argwhere(cells != 99), np.argwhere(cells == 100)
+        apart = np.maximum(np.abs(places[:, None] - occupied) - 0.5, 0)
+        nearest = np.linalg.norm(apart, axis=2).min(axis=1).reshape(cells.shape)
+        exact = np.minimum(nearest * 0.05, far_m)
+    np.testing.assert_allclose(found, np.where(cells == -1, np.nan, exact), rtol=1e-6)
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 30, 45, 90, 180, 210, 270])
+def test_a_wall_is_never_nearer_than_the_distance_on_the_floor(camera, yaw_deg):
+    """Whichever part of a cell it goes through, it is at most a diagonal of a cell farther."""
+    upright = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
+    ahead = np.array([np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))])
+    turned = np.eye(4)
+    turned[:2, :2] = np.stack([ahead, [-ahead[1], ahead[0]]], axis=1)
+    errors = []
+    for share in np.linspace(0, 1, 9):
+        wall_m = 1.5 + share * 0.05
+        space = Occupancy(VoxelGrid(0.05, (-50, -50, 0), (100, 100, 40)))
+        for _ in range(3):
+            space.observe(wall(wall_m), camera, turned @ upright)
+        grid = grid_map(space, 0.5, 1.5)
+        row, column = np.nonzero(grid.cells == 0)
+        x_m, y_m = 0.05 * (column + 0.5) + grid.origin_m[0], 0.05 * (row + 0.5) + grid.origin_m[1]
+        to_wall_m = wall_m - ahead[0] * x_m - ahead[1] * y_m
+        asked = (np.abs(ahead[0] * y_m - ahead[1] * x_m) < 0.2) & (np.abs(to_wall_m - 0.5) < 0.5)
+        errors.append((grid.distances_m()[row, column] - to_wall_m)[asked])
+    error_m = np.concatenate(errors)
+    assert len(error_m) > 1000
+    assert error_m.max() < 0.001 and error_m.min() > -0.05 * np.sqrt(2)
 
 
 def test_the_map_server_reads_what_was_written(distances, tmp_path):

@@ -44,11 +44,11 @@ def test_a_grid_comes_back_at_its_place(grid):
     assert grid.cells_at(on_floor[None, :2]).tolist() == [100]
 
 
-def test_distances_of_the_floor_are_those_to_the_nearest_occupied_cell(grid):
+def test_distances_of_the_floor_are_those_to_the_edge_of_the_nearest_occupied_cell(grid):
     back = slice_m(_sent(topics.ESDF, esdf_message(grid, _BAND, pose(3))))
     assert back[10, 5] == 0.0 and np.isnan(back[26, 16])
-    assert back[10, 15] == pytest.approx(0.5, abs=1e-3)
-    assert back[13, 9] == pytest.approx(0.25, abs=1e-3)
+    assert back[10, 15] == pytest.approx(0.475, abs=1e-3)
+    assert back[13, 9] == pytest.approx(0.215, abs=1e-3)
 
 
 def test_a_grid_of_another_size_is_refused(grid):
