@@ -2,12 +2,13 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.dense_map.seen_information import add_information
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.occupancy import FAR_M, Occupancy, expect_far
@@ -18,13 +19,10 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.view_distance import surface_shift_m
-from hsslam_node.kernels.compiled import njit
 from hsslam_node.presets import REALTIME
 
 _MARGIN_M = 0.5  # around seen space, so that a growing map seldom needs another grid
-_NEAREST_M = 0.1  # in front of a camera
 _EXTENT_PX = 8  # step between the pixels that bound what a keyframe sees
-_NOISE = 1.8e-3  # 1/m, of a Kinect: deviation of its depth z is this times z^2
 GONE_M = 0.05  # where keyframes saw free space, the field has no surface that is farther from measured ones
 PRIOR_INFORMATION = np.float32(0.01**-2)  # 1/m^2, of a place known to 1 cm, for the certainty
 
@@ -80,6 +78,8 @@ class SeenSpace:
         cell_m: side of a cell, m.
         max_depth_m: farther depth counts as none, as in the mapping.
         far_m: farther depth gives certainty and free space up to here, but no surface.
+        within: only cells in this box are kept; its corners are corners of cells.
+        expect_room: called with the number of cells before memory for them is taken; may raise.
 
     Raises:
         UserError: `far_m` is not above 0.
@@ -91,12 +91,15 @@ class SeenSpace:
         cell_m: float = 0.05,
         max_depth_m: float = REALTIME.mapper.max_depth_m,
         far_m: float = FAR_M,
+        within: Bound | None = None,
+        expect_room: Callable[[int], None] | None = None,
     ) -> None:
         expect_far(far_m)
         self._reach_m = reach_m
         self._far_m = far_m
         self._cell_m = cell_m
         self._max_depth_m = max_depth_m
+        self._within, self._expect_room = within, expect_room
         self._marking = threading.Lock()
         self._ids = np.zeros(0, np.int64)  # of the marked keyframes
         self._marked_at = np.zeros((0, 4, 4))  # their T_world_cam then
@@ -104,6 +107,11 @@ class SeenSpace:
         self._occupancy: Occupancy | None = None
         self._meter = DistanceMeter()
         self._cells: SeenCells | None = None
+
+    @property
+    def cells(self) -> int:
+        """Number of cells that are kept."""
+        return self._information.size
 
     def follow(self, keyframes: MapKeyframes) -> SeenCells:
         """Mark new keyframes; mark all anew if corrections moved surfaces by a cell.
@@ -132,12 +140,16 @@ class SeenSpace:
         if self._moved(keyframes):
             self._occupancy, self._ids, self._marked_at = None, self._ids[:0], self._marked_at[:0]
         new = np.flatnonzero(~np.isin(keyframes.ids, self._ids)).tolist()
+        is_near = self._may_see(keyframes)
         for n, k in enumerate(new, 1):
-            depth_m, T_world_cam = keyframes.views[k]
-            depth_m = np.where(depth_m <= self._max_depth_m, depth_m, 0)
-            occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
-            occupancy.observe(depth_m, keyframes.camera, T_world_cam)
-            self._mark(depth_m, keyframes.camera, T_world_cam)
+            T_world_cam = keyframes.T_world_cam[k]
+            if is_near[k]:
+                depth_m = keyframes.depth_m(k)
+                depth_m = np.where(depth_m <= self._max_depth_m, depth_m, 0)
+                occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
+                if occupancy is not None:
+                    occupancy.observe(depth_m, keyframes.camera, T_world_cam)
+                    self._mark(depth_m, keyframes.camera, T_world_cam)
             self._ids = np.append(self._ids, keyframes.ids[k])
             self._marked_at = np.concatenate([self._marked_at, T_world_cam[None]])
             self._cells = None
@@ -145,12 +157,15 @@ class SeenSpace:
 
     def _seen_cells(self) -> SeenCells:
         if self._cells is None:
-            if self._occupancy is None:
-                raise UserError("the map has no keyframes: expected one or more")
-            distances = self._meter.measure(self._occupancy)
+            if (occupancy := self._occupancy) is None:
+                if self._within is None or not len(self._ids):
+                    raise UserError("the map has no keyframes: expected one or more")
+                low = np.array(self._within.low)
+                occupancy = self._begin(self._grid(low, low + self._cell_m))
+            distances = self._meter.measure(occupancy)
             # a copy: earlier answers must not change
             information = self._information.copy(order="F")
-            self._cells = SeenCells(self._occupancy.grid, information, distances)
+            self._cells = SeenCells(occupancy.grid, information, distances)
         return self._cells
 
     def _moved(self, keyframes: MapKeyframes) -> bool:
@@ -158,21 +173,50 @@ class SeenSpace:
         shift_m = surface_shift_m(self._marked_at[then], keyframes.T_world_cam[now])
         return shift_m > self._cell_m
 
-    def _with_room(self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> Occupancy:
-        """The occupancy, on a grid that covers what a keyframe sees."""
+    def _may_see(self, keyframes: MapKeyframes) -> np.ndarray:
+        """Mask [n] of the keyframes from which something in the box is near enough to be measured."""
+        if self._within is None:
+            return np.ones(len(keyframes), np.bool_)
+        camera, places = keyframes.camera, keyframes.T_world_cam[:, :3, 3]
+        aside = max(camera.cx, camera.width_px - camera.cx) / camera.fx
+        above = max(camera.cy, camera.height_px - camera.cy) / camera.fy
+        farthest_m = self._max_depth_m * np.linalg.norm([1.0, aside, above])
+        nearest = np.clip(places, self._within.low, self._within.high)
+        return np.linalg.norm(places - nearest, axis=1) < farthest_m
+
+    def _begin(self, grid: VoxelGrid) -> Occupancy:
+        """Take this grid as the first one."""
+        self._information = np.zeros(grid.shape, np.float32, order="F")
+        self._occupancy = Occupancy(grid, far_m=self._far_m, max_depth_m=self._max_depth_m)
+        return self._occupancy
+
+    def _grid(self, low: np.ndarray, high: np.ndarray) -> VoxelGrid:
+        """The grid between two corners [3] m, as far as it may go."""
+        if self._within is not None:
+            low, high = np.maximum(low, self._within.low), np.minimum(high, self._within.high)
+        grid = VoxelGrid.over(Bound.of(low, high), self._cell_m)
+        if self._expect_room is not None:
+            self._expect_room(grid.count)
+        return grid
+
+    def _with_room(
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray
+    ) -> Occupancy | None:
+        """The occupancy, on a grid that covers what a keyframe sees in the box; None: nothing."""
         low, high = _extent(depth_m, camera, T_world_cam)
+        if self._within is not None:
+            low, high = np.maximum(low, self._within.low), np.minimum(high, self._within.high)
+            if (low > high).any():
+                return None
         occupancy = self._occupancy
         if occupancy is None:
-            grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
-            self._information = np.zeros(grid.shape, np.float32, order="F")
-            self._occupancy = Occupancy(grid, far_m=self._far_m, max_depth_m=self._max_depth_m)
-            return self._occupancy
+            return self._begin(self._grid(low - _MARGIN_M, high + _MARGIN_M))
         before = occupancy.grid
         is_low, is_high = low < before.low, high > before.high
         if is_low.any() or is_high.any():
             low = np.where(is_low, low - _MARGIN_M, before.low)
             high = np.where(is_high, high + _MARGIN_M, before.high)
-            grid = VoxelGrid.over(Bound.of(low, high), self._cell_m)
+            grid = self._grid(low, high)
             information = np.zeros(grid.shape, np.float32, order="F")
             information[before.within(grid)] = self._information
             self._information = information
@@ -189,7 +233,7 @@ class SeenSpace:
         intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         depth_m = np.ascontiguousarray(depth_m, np.float32)
         far_m = float(depth_m.max(initial=0.0)) + self._reach_m
-        _see(depth_m, intrinsics, T_cam_index, self._reach_m, far_m, self._information)
+        add_information(depth_m, intrinsics, T_cam_index, self._reach_m, far_m, self._information)
 
 
 def _extent(
@@ -199,56 +243,3 @@ def _extent(
     points = world_points(depth_m, camera, T_world_cam, _EXTENT_PX)
     points = np.concatenate([points, T_world_cam[None, :3, 3]])
     return points.min(axis=0), points.max(axis=0)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _see(depth, intrinsics, T_cam_index, reach_m, far_m, information):
-    """Add to each cell whose centre is at most `reach_m` behind the depth of its pixel."""
-    height, width = depth.shape
-    fx, fy, cx, cy = intrinsics
-    inside = np.array(  # (x, y, z) is in view if a x + b y + c z + d >= 0 for each row
-        [
-            [fx, 0.0, cx + 0.5, 0.0],
-            [-fx, 0.0, width - 0.5 - cx, 0.0],
-            [0.0, fy, cy + 0.5, 0.0],
-            [0.0, -fy, height - 0.5 - cy, 0.0],
-            [0.0, 0.0, 1.0, -_NEAREST_M],
-            [0.0, 0.0, -1.0, far_m],
-        ]
-    )
-    nx, ny, nz = information.shape
-    step = T_cam_index[:3, 0]
-    for k in range(nz):
-        for j in range(ny):
-            start = T_cam_index[:3, 1] * j + T_cam_index[:3, 2] * k + T_cam_index[:3, 3]
-            first, last = _in_view(inside, start, step, nx)
-            for i in range(first, last + 1):
-                z = start[2] + step[2] * i
-                u = int(np.floor((start[0] + step[0] * i) / z * fx + cx + 0.5))
-                v = int(np.floor((start[1] + step[1] * i) / z * fy + cy + 0.5))
-                if u < 0 or v < 0 or u >= width or v >= height:  # rounding at the border
-                    continue
-                measured = depth[v, u]
-                if measured > 0.0 and z <= measured + reach_m:
-                    deviation = _NOISE * z * z
-                    information[i, j, k] += np.float32(1.0 / (deviation * deviation))
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _in_view(inside, start, step, count):
-    """First and last i below `count` for which start + i * step is in view; first > last: none.
-
-    Both are clipped as floats: for a row along a plane they can be too large for an int.
-    """
-    first, last = 0.0, count - 1.0
-    for p in range(inside.shape[0]):
-        a, b, c, d = inside[p]
-        here = a * start[0] + b * start[1] + c * start[2] + d
-        slope = a * step[0] + b * step[1] + c * step[2]
-        if slope > 0.0:
-            first = max(first, -here / slope)
-        elif slope < 0.0:
-            last = min(last, -here / slope)
-        elif here < 0.0:
-            last = -1.0
-    return int(np.ceil(min(first, count))), int(np.floor(max(last, -1.0)))

@@ -1,12 +1,16 @@
 """Answers clients' queries of points from the newest map."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
-from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
+from hsslam_node.dense_map.seen_places import MOST_CELLS, SeenPlaces
+from hsslam_node.dense_map.seen_space import SeenCells
+from hsslam_node.dense_map.shapes import finite_rows
 from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.parameters import FieldParameters
@@ -23,13 +27,24 @@ class AskedMap:
 
     The first query starts to mark the space that the keyframes saw. If this takes longer than a query
     may, the next query goes on with it.
+
+    Args:
+        report: takes a line for the operator, when the map gets more than `most_cells` cells of 5 cm.
     """
 
-    def __init__(self, arrays: ArrayAllocator, config: SlamConfig, mode: MapState) -> None:
+    def __init__(
+        self,
+        arrays: ArrayAllocator,
+        config: SlamConfig,
+        mode: MapState,
+        report: Callable[[str], None],
+        most_cells: int = MOST_CELLS,
+    ) -> None:
         self._config = config
         self._link = SharedMap(arrays, config)
         self._mode = mode
-        self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
+        reach_m, max_depth_m = config.field.truncation_m, config.mapper.max_depth_m
+        self._seen = SeenPlaces(reach_m, max_depth_m, report, most_cells)
 
     def answer(self, question: QueryMap) -> PointAnswers | Refusal:
         """Query the newest map; a `Refusal` before there is a map, or while keyframes are unprocessed."""
@@ -37,7 +52,7 @@ class AskedMap:
         if published is None:
             return Refusal(reason="not_now", text="query: there is no map yet: expected keyframes")
         points, keyframes = question_points(question), keyframes_of_store(published[0])
-        seen = self._seen.follow_for(keyframes, _WITHIN_S)
+        seen = self._seen.follow_for(keyframes, finite_rows("points", points, 3), _WITHIN_S)
         if isinstance(seen, int):
             text = f"query: {seen} of {len(keyframes)} keyframes are not processed yet: ask again"
             return Refusal(reason="unfinished", text=text)

@@ -27,7 +27,7 @@ def mode(tmp_path, monkeypatch: pytest.MonkeyPatch) -> MapState:
 
 def test_the_answer_is_that_of_the_newest_map(mode):
     room = mapped_room()
-    asked = AskedMap(room.arrays, SMALL, mode)
+    asked = AskedMap(room.arrays, SMALL, mode, print)
     mode.map_epoch = 3
     versions = []
     for _ in range(2):
@@ -49,7 +49,7 @@ def test_the_answer_is_that_of_the_newest_map(mode):
 
 def test_a_question_after_the_map_has_grown_is_answered_from_the_grown_one(mode):
     room = mapped_room()
-    asked = AskedMap(room.arrays, SMALL, mode)
+    asked = AskedMap(room.arrays, SMALL, mode, print)
     before = answers_of(asked.answer(question_message(POINTS)))
     grown = FieldParameters(room.arrays, SMALL.field)  # as the mapper has it
     bound = grown.layout.bound
@@ -62,7 +62,7 @@ def test_a_question_after_the_map_has_grown_is_answered_from_the_grown_one(mode)
 
 
 def test_before_a_map_is_published_it_is_refused(mode):
-    asked = AskedMap(MemoryAllocator(), SMALL, mode)
+    asked = AskedMap(MemoryAllocator(), SMALL, mode, print)
     told = asked.answer(question_message(POINTS))
     assert isinstance(told, Refusal) and told.reason == "not_now"
     assert told.text == "query: there is no map yet: expected keyframes"
@@ -71,7 +71,7 @@ def test_before_a_map_is_published_it_is_refused(mode):
 def test_a_question_that_takes_too_long_is_gone_on_with(mode, monkeypatch):
     monkeypatch.setattr(asked_map, "_WITHIN_S", 0.0)
     room = mapped_room()
-    asked, count = AskedMap(room.arrays, SMALL, mode), len(room.store.kept())
+    asked, count = AskedMap(room.arrays, SMALL, mode, print), len(room.store.kept())
     for left in range(count - 1, 0, -1):
         told = asked.answer(question_message(POINTS))
         assert isinstance(told, Refusal) and told.reason == "unfinished"
@@ -80,6 +80,15 @@ def test_a_question_that_takes_too_long_is_gone_on_with(mode, monkeypatch):
 
 
 def test_points_that_are_not_finite_are_bad_input(mode):
-    asked = AskedMap(mapped_room().arrays, SMALL, mode)
+    asked = AskedMap(mapped_room().arrays, SMALL, mode, print)
     with pytest.raises(UserError, match=r"points .*nan.*: expected finite numbers"):
         asked.answer(question_message(np.array([[0.0, np.nan, 0.0]])))
+
+
+def test_a_map_of_too_many_cells_is_reported_once_and_points_too_far_apart_are_refused(mode):
+    told: list[str] = []
+    asked = AskedMap(mapped_room().arrays, SMALL, mode, told.append, most_cells=1000)
+    for _ in range(2):
+        with pytest.raises(UserError, match=r"points are up to 4 m apart: .* more than 1000 cells"):
+            asked.answer(question_message(POINTS))
+    assert [text.split(":")[1] for text in told] == [" the map has more than 1000 cells of 0.05 m"]
