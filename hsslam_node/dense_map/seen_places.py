@@ -15,9 +15,8 @@ from hsslam_node.geometry.bound import Bound
 
 MOST_CELLS = 1 << 24  # 0.5 GB
 _BESIDE_M = 2.5  # of points: their distances are to surfaces up to 2 m away
-_STEP_CELLS = (
-    80  # boxes begin and end at multiples of 4 m, so that the next points lie in the same one
-)
+# boxes begin and end at multiples of 4 m, so that points of the next query often lie in the same box
+_STEP_CELLS = 80
 _FARTHEST_M = 1e9
 _Box = tuple[tuple[int, ...], tuple[int, ...]]  # first and end, in steps
 
@@ -44,7 +43,7 @@ class SeenPlaces:
         self._space_of = partial(SeenSpace, reach_m, VOXEL_M, max_depth_m)
         self._report, self._most_cells = report, most_cells
         self._whole: SeenSpace | None = self._space_of(expect_room=self._expect_few)
-        # the one asked for last is the last
+        # the box that was used last comes last
         self._boxes: OrderedDict[_Box, SeenSpace] = OrderedDict()
 
     @property
