@@ -8,13 +8,14 @@ from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
-_MOST_KEYFRAMES, _MOST_BYTES = 600, 0.93e9  # of their pixels: 600 at 640x480
+MOST_BYTES = 930_000_000  # of the pixels of one fragment: 600 keyframes at 640x480
+_MOST_KEYFRAMES = 600
 _NEARLY_FULL = 0.9  # of the keyframes that it may keep; above, keyframes are retired
 
 
 def most_keyframes(pixel_bytes: int) -> int:
     """Keyframes that a fragment may keep, `pixel_bytes` each, in the memory of the tracker."""
-    return min(_MOST_KEYFRAMES, int(_MOST_BYTES) // pixel_bytes)
+    return min(_MOST_KEYFRAMES, MOST_BYTES // pixel_bytes)
 
 
 class Fragment:
@@ -33,6 +34,11 @@ class Fragment:
         self._selection = KeyframeSelection(
             config.keyframes, config.mapper.max_depth_m, judges_all=True
         )
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the pixels of its keyframes."""
+        return len(self.store.kept()) * self.store.pixel_bytes
 
     def track(self, frame: Frame) -> TrackResult:
         """The pose in the fragment."""

@@ -1,58 +1,87 @@
 """Saves fragments that have not joined the map, map_fragment_N.safetensors, beside the tracking of frames."""
 
+import contextlib
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from queue import Queue
 from typing import Literal
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.fragment import MOST_BYTES, Fragment
 from hsslam_node.fragments.fragment_map import fragment_map
 from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.map.checkpoint import save_checkpoint
 
-_TURN_S = 0.2
-
 
 class FragmentFiles:
-    """Saves one fragment at a time, in a thread: beside it, only the fragment in use is in memory."""
+    """Saves one fragment after another, in a thread: a disk that is slow or hangs delays no pose.
+
+    Fragments that are not saved yet have at most `MOST_BYTES` of pixels, as the one in use.
+    """
 
     def __init__(
         self,
         run_dir: Path,
         slam: SlamConfig,
         tell: Callable[[Literal["info", "error"], str], None],
-        turn: Callable[[], bool] = lambda: False,
+        is_ending: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it. `save` calls
-        `turn` while it waits, until that returns true: the run ends. `failed` has the reason for each
+        """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it too. Once
+        `is_ending()`, no other fragment begins, so each that ends is taken. `failed` has the reason for each
         fragment that is not saved.
         """
         self.failed: dict[int, str] = {}
         self._run_dir = run_dir
         self._slam = slam
-        self._tell, self._turn = tell, turn
-        self._saving: threading.Thread | None = None
+        self._tell, self._is_ending = tell, is_ending
+        self._waiting: Queue[Fragment] = Queue()
+        self._unsaved: dict[int, int] = {}  # bytes, by number
+        self._thread: threading.Thread | None = None
 
     def save(self, fragment: Fragment) -> None:
-        """Begin to save a fragment that no frame is tracked in any more, once the one before is saved."""
-        is_ending = False
-        while self._saving is not None and self._saving.is_alive():
-            self._saving.join(_TURN_S)
-            is_ending = is_ending or self._turn()  # from then on the supervisor's time limit counts
-        thread = threading.Thread(target=self._save, args=(fragment,), name="fragment")
-        try:
-            thread.start()
-        except RuntimeError:  # no thread can start: tracking waits
-            self._save(fragment)
-        else:
-            self._saving = thread
+        """Let the thread save a fragment that no frame is tracked in any more; never waits.
+
+        It is not saved, and an error says so, if the unsaved ones leave it no memory.
+        """
+        unsaved = self._unsaved.copy()  # the thread removes from it
+        needed = sum(unsaved.values()) + fragment.nbytes
+        if unsaved and needed > MOST_BYTES and not self._is_ending():
+            earlier = ", ".join(map(str, unsaved))
+            self._give_up(
+                fragment.number,
+                f"the disk is too slow or hangs: with those that wait for it ({earlier}) it takes "
+                f"{needed / 1e6:.0f} MB of memory: expected at most {MOST_BYTES / 1e6:.0f}",
+            )
+            return
+        self._unsaved[fragment.number] = fragment.nbytes
+        self._waiting.put(fragment)
+        self._start()
 
     def wait(self) -> None:
-        """Wait for the fragment that is being saved, if any."""
-        if self._saving is not None:
-            self._saving.join()
-            self._saving = None
+        """Wait until all fragments are saved."""
+        self._start()
+        while self._thread is None and self._waiting.unfinished_tasks:  # no thread can start
+            self._save_next()
+        self._waiting.join()
+
+    def _start(self) -> None:
+        """Start the thread unless it runs; if no thread can start now, another call starts it."""
+        if self._thread is None:
+            thread = threading.Thread(target=self._save_all, name="fragments", daemon=True)
+            with contextlib.suppress(RuntimeError):
+                thread.start()
+                self._thread = thread
+
+    def _save_all(self) -> None:
+        while True:
+            self._save_next()
+
+    def _save_next(self) -> None:
+        fragment = self._waiting.get()
+        self._save(fragment)
+        del self._unsaved[fragment.number]
+        self._waiting.task_done()
 
     def _save(self, fragment: Fragment) -> None:
         name = fragment_map_name(fragment.number)
@@ -60,9 +89,12 @@ class FragmentFiles:
             saved = fragment_map(fragment, self._slam)
             save_checkpoint(self._run_dir / name, saved)
         except Exception as error:  # of any kind: the run goes on, and saves all else
-            why = self.failed[fragment.number] = str(error) or type(error).__name__
-            self._tell("error", f"fragment {fragment.number} not saved: {why}")
+            self._give_up(fragment.number, str(error) or type(error).__name__)
         else:
             keyframes = len(saved.keyframe_stamps_ns)
             text = f"has not joined the map: {name} has its {keyframes} keyframes"
             self._tell("info", f"fragment {fragment.number} {text}")
+
+    def _give_up(self, number: int, why: str) -> None:
+        self.failed[number] = why
+        self._tell("error", f"fragment {number} not saved: {why}")

@@ -1,5 +1,6 @@
 """Each fragment that ends without a join gets a file and a line; an error line if it cannot be saved."""
 
+import os
 import threading
 from pathlib import Path
 
@@ -11,7 +12,6 @@ from hsslam_services.artefacts import fragment_files
 from hsslam_services.artefacts.fragment_files import FragmentFiles
 from hsslam_services.artefacts.fragment_names import trajectory_beside
 from tests.small_room import SMALL, room_frames, room_poses
-from tests.until import until
 
 
 def _fragment(number: int) -> Fragment:
@@ -62,25 +62,49 @@ def test_the_trajectory_beside_a_map_is_in_its_world(tmp_path: Path):
     assert found == of_map
 
 
-def test_once_the_run_ends_a_slow_disk_takes_no_turns_of_the_tracker(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Each turn would give the tracker more time to end; two fragments wait for the disk."""
-    disk_is_free, turns = threading.Event(), []
-    monkeypatch.setattr(fragment_files, "save_checkpoint", lambda *_: disk_is_free.wait(60))
-    monkeypatch.setattr(fragment_files, "_TURN_S", 0.01)
+def test_a_disk_that_hangs_holds_up_no_tracking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The write of fragment 1 does not return; as much memory is left as fragment 2 needs."""
+    said, is_ending = [], threading.Event()
+    files = FragmentFiles(tmp_path, SMALL, lambda *line: said.append(line), is_ending.is_set)
+    fragments = {number: _fragment(number) for number in (1, 2, 3, 4)}
+    monkeypatch.setattr(fragment_files, "MOST_BYTES", 3 * fragments[1].nbytes)
+    hanging = tmp_path / "map_fragment_1.safetensors"
+    os.mkfifo(hanging)  # opening it waits for a reader
 
-    def should_stop() -> bool:
-        turns.append(len(turns))
-        return len(turns) == 5
+    def end(number: int) -> bool:
+        ended = threading.Thread(target=files.save, args=(fragments[number],), daemon=True)
+        ended.start()
+        ended.join(20)
+        return not ended.is_alive()
 
-    files = FragmentFiles(tmp_path, SMALL, lambda *_: None, should_stop)
-    files.save(_fragment(1))
-    second = threading.Thread(target=files.save, args=(_fragment(2),))
-    second.start()
-    until(lambda: len(turns) == 5, 30)
-    second.join(0.2)
-    assert len(turns) == 5 and second.is_alive()
-    disk_is_free.set()
-    second.join()
+    assert all(end(number) for number in (1, 2, 3))
+    ((level, text),) = said
+    assert level == "error"
+    assert text.startswith("fragment 3 not saved: the disk is too slow or hangs: with those that ")
+    assert "wait for it (1, 2) " in text
+    is_ending.set()  # no fragment follows, so its memory is not needed
+    assert end(4)
+    assert hanging.read_bytes()
     files.wait()
+    assert list(files.failed) == [3]
+    for number in (2, 4):
+        saved = load_checkpoint(tmp_path / f"map_fragment_{number}.safetensors")
+        assert len(saved.keyframe_stamps_ns) == number
+
+
+@pytest.mark.parametrize("failures", [1, 2])
+def test_a_fragment_is_saved_at_the_end_if_no_thread_can_start(
+    failures: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    start, left = threading.Thread.start, failures * [RuntimeError("can't start new thread")]
+
+    def start_later(thread: threading.Thread) -> None:
+        if left:
+            raise left.pop()
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start_later)
+    files = FragmentFiles(tmp_path, SMALL, lambda *_: None)
+    files.save(_fragment(1))
+    files.wait()
+    assert load_checkpoint(tmp_path / "map_fragment_1.safetensors") and not files.failed
