@@ -45,6 +45,15 @@ def _run(worker: Worker) -> None:
     if behaviour == "full disk":
         os.dup2(os.open("/dev/full", os.O_WRONLY), 2)
         worker.event("warning", "a line that its log has no room for")
+    if behaviour == "hanging disk":
+        _reader, hanging = os.pipe()
+        os.set_blocking(hanging, False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(hanging, bytes(2**16))
+        os.set_blocking(hanging, True)  # nothing reads it: a write does not return
+        os.dup2(hanging, 2)
+        worker.event("warning", "a line that its log never takes")
     if behaviour == "deaf":
         signal.signal(END_SIGNAL, signal.SIG_IGN)
     if behaviour == "warm":

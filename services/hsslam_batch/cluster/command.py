@@ -23,7 +23,7 @@ from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import parse_options, print_at_end
-from hsslam_services.health.resilient_stream import say_at_end
+from hsslam_services.run.resilient_stream import say_at_end
 from hsslam_services.run.stop_signals import hear_stop_signals
 
 _RAY_MESSAGES = "ray.log"

@@ -16,7 +16,7 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import terminal_progress
-from hsslam_services.health.resilient_stream import ResilientStream
+from hsslam_services.run.resilient_stream import ResilientStream
 
 PROGRESS = "progress.jsonl"
 _LINE_EVERY_S = 60.0  # without a terminal

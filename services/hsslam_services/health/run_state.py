@@ -11,8 +11,8 @@ from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion, Pose
 from hsslam_proto.run_messages import Event, Health, SourceEnd
 from hsslam_services.bus.bus import Bus
+from hsslam_services.governor.known_latencies import KnownLatencies
 from hsslam_services.health.silence import Silence
-from hsslam_services.run.known_latencies import KnownLatencies
 
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
 _RECENT = 64  # poses for rate and latency

@@ -13,11 +13,11 @@ from rich.live import Live
 from rich.text import Text
 
 from hsslam_proto.messages import Pose
-from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import frames_dropped, frames_sent, load_level
 from hsslam_services.launch.child import Child
 from hsslam_services.run.camera_progress import SOURCE_FRAMES
+from hsslam_services.run.resilient_stream import ResilientStream
 
 _REDRAW_S = 0.25
 _PRINT_S = 5.0

@@ -27,6 +27,7 @@ from hsslam_services.launch.process_table import process_number
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.memory import OwnMemory, return_free_memory
 from hsslam_services.run.process_result import ProcessResult, write_result
+from hsslam_services.run.resilient_stream import ResilientStream
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
 
@@ -65,6 +66,7 @@ class Worker:
         self._loop_s = time.monotonic()
         self._report_rejected_at: dict[str, int] = {}  # by topic: next count to report
         self._memory = OwnMemory()
+        self._log = ResilientStream(sys.stderr)
         self._result = ProcessResult()
         self._events = self.bus.publisher(topics.EVENT)
         self._health = self.bus.publisher(topics.HEALTH)
@@ -81,6 +83,7 @@ class Worker:
         self._ended.set()
         self._heartbeat.join()
         self.bus.close()
+        self._log.drain()
 
     @cached_property
     def arena(self) -> "Arena":
@@ -137,9 +140,9 @@ class Worker:
         self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
 
     def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        """Report to the operator: status line, log, viewer. A full disk costs only the line in the log."""
-        with contextlib.suppress(OSError):
-            print(f"{level}: {text}", file=sys.stderr, flush=True)
+        """Report to the operator: status line, log, viewer. A disk that is full or hangs costs only the line
+        in the log."""
+        self._log.write(f"{level}: {text}\n")
         self._events.put(Event.now(self.name, level, text))
 
     def warn_once(self, report: Report) -> None:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from hsslam_node.durable_file import write_durably
-from hsslam_services.run.known_latencies import KnownLatencies
+from hsslam_services.governor.known_latencies import KnownLatencies
 from hsslam_services.run.process_result import python_number
 
 SUMMARY_FILE, _DAMAGED_FILE = "summary.json", "summary.damaged.json"

@@ -17,10 +17,10 @@ from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.open_source import check_source_exists
-from hsslam_services.health.resilient_stream import say_at_end
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.resilient_stream import say_at_end
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import hear_stop_signals
 from hsslam_services.supervisor.descriptors import allow_descriptors

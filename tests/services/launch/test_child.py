@@ -151,13 +151,22 @@ def test_an_unexpected_error_is_told_in_one_line(watch, run_info: RunInfo):
     until(lambda: "in two lines" in log.read_text() and "Traceback" in log.read_text())
 
 
-def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
+@pytest.mark.parametrize(
+    ("disk", "text"),
+    [
+        ("full disk", "a line that its log has no room for"),
+        ("hanging disk", "a line that its log never takes"),
+    ],
+)
+def test_a_log_that_takes_no_line_holds_up_no_process(
+    disk: str, text: str, watch, run_info: RunInfo
+):
     start, until = watch
     bus = Bus(run_info.endpoint, run_info.robot, "reader")
     events = bus.subscribe(topics.EVENT, 4)
-    child = start("full disk")
+    child = start(disk)
     until(lambda: (run_info.path / "at_work").exists() and child.state == "running")
-    until(lambda: [e.text for e in events.drain()] == ["a line that its log has no room for"])
+    until(lambda: [e.text for e in events.drain()] == [text])
     assert child.restarts == 0
     bus.close()
 

@@ -104,22 +104,22 @@ def _continued(make_run: Callable[..., RunInfo], left_s: float) -> KeyframeStore
 
 
 def test_known_keyframes_retire_before_the_last_iterations_which_use_up_the_time(
-    make_run: Callable[..., RunInfo], capsys: pytest.CaptureFixture[str]
+    make_run: Callable[..., RunInfo], capfd: pytest.CaptureFixture[str]
 ):
     store = _continued(make_run, left_s=0.7)
     assert store.kept().tolist() == [0, 8]
-    told = capsys.readouterr().err
+    told = capfd.readouterr().err
     assert "last iterations done: --finish-s allows no more" in told
     assert "not compared" not in told
 
 
 def test_keyframes_that_no_time_is_left_to_compare_stay_and_are_told(
-    make_run: Callable[..., RunInfo], capsys: pytest.CaptureFixture[str]
+    make_run: Callable[..., RunInfo], capfd: pytest.CaptureFixture[str]
 ):
     store = _continued(make_run, left_s=-1.0)
     assert store.kept().tolist() == list(range(9))
     told = "info: 7 keyframes were not compared with the loaded map: --finish-s allows no more"
-    assert told in capsys.readouterr().err
+    assert told in capfd.readouterr().err
 
 
 class _StoppedAtFirst(mapper._MapperLoop):

@@ -1,5 +1,5 @@
-"""Standard error, written by a thread: a slow or closed reader or a full disk loses lines, but never blocks
-or ends the run."""
+"""Standard error, written by a thread: a slow or closed reader, or a full or hanging disk, loses lines, but
+never blocks or ends the run."""
 
 import contextlib
 import errno
@@ -57,7 +57,7 @@ class ResilientStream(io.TextIOBase):
                 thread.start()
                 self._thread = thread
 
-    def drain(self, timeout_s: float) -> None:
+    def drain(self, timeout_s: float = _LAST_WORDS_S) -> None:
         """Wait until all text is written, at most `timeout_s`."""
         deadline_s = time.monotonic() + timeout_s
         while self._waiting.unfinished_tasks and time.monotonic() < deadline_s:
@@ -94,4 +94,4 @@ def say_at_end(text: str) -> None:
     """Write a line to standard error; a bad reader costs at most 2 s and never changes the exit code."""
     stream = ResilientStream(sys.stderr)
     stream.write(f"{text}\n")
-    stream.drain(_LAST_WORDS_S)
+    stream.drain()

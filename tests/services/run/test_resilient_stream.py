@@ -10,8 +10,8 @@ from typing import TextIO, cast
 import pytest
 from rich.console import Console
 
-from hsslam_services.health.resilient_stream import ResilientStream, say_at_end
 from hsslam_services.health.status_line import StatusLine
+from hsslam_services.run.resilient_stream import ResilientStream, say_at_end
 
 
 def test_lines_come_through_until_the_reader_leaves_and_then_harm_nothing():
