@@ -2,11 +2,12 @@
 
 import secrets
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 LARGEST_INDEX = 2**53  # integers up to this are exact also in languages that have only doubles
 LARGEST_STEP = 2**20  # frames that may be missing at once: ten hours at 30 Hz
+MOST_REFUSED = 10  # frames in a row behind a larger step; then it is no fault of one frame
 _SENDERS = 2**32  # lower numbers come from attachments: such a sender may restart its count
 _NAMED_FROM = 2**62
 _CAMERAS = 64  # most that are remembered
@@ -41,11 +42,14 @@ class FrameOrder:
     """Follows the newest frame of each camera.
 
     A camera with a number from `new_publisher` counts its frames upwards. From any other sender, a lower
-    index with a later stamp is the first frame of a new count.
+    index with a later stamp is the first frame of a new count. A step of more than 2^20 is absurd, unless
+    `refuse` was called for ten such frames in a row, which count upwards: the camera counts on from there.
     """
 
     def __init__(self) -> None:
         self._newest: OrderedDict[int, Place] = OrderedDict()
+        self._jump: Place | None = None  # the last frame behind a large step, if none came after it
+        self._refused = 0  # frames up to that one, in a row
 
     def place(self, publisher: int, index: int, stamp_ns: int = 0) -> Place:
         """Order of a frame; `publisher` is 0 if its sender is unknown."""
@@ -53,8 +57,10 @@ class FrameOrder:
         if newest is None:
             return Place("new", publisher, publisher, index, stamp_ns)
         if index > newest.index:
-            kind = "absurd" if index - newest.index > LARGEST_STEP else "new"
-            return Place(kind, publisher, newest.publisher, index, stamp_ns)
+            place = Place("new", publisher, newest.publisher, index, stamp_ns)
+            has_moved = self._refused >= MOST_REFUSED and self._follows_jump(place)
+            is_absurd = _is_large_step(newest, place) and not has_moved
+            return replace(place, kind="absurd") if is_absurd else place
         if publisher >= _SENDERS or stamp_ns <= newest.stamp_ns:
             return Place("old", publisher, newest.publisher, index, stamp_ns)
         return Place("new", publisher, newest.publisher + _SENDERS, index, stamp_ns)
@@ -64,16 +70,38 @@ class FrameOrder:
         sender = publisher if publisher >= _NAMED_FROM else publisher % _SENDERS
         self.take(Place("new", sender, publisher, index, stamp_ns))
 
+    def refuse(self, place: Place) -> None:
+        """Note that an absurd frame was refused."""
+        self._refused = self._refused + 1 if self._follows_jump(place) else 1
+        self._jump = place
+
     def take(self, place: Place) -> None:
         """Set this frame as the newest of its sender."""
+        newest = self._newest.get(place.sender)
+        # a camera whose steps are all large, as those of a time in ns, is refused no more
+        is_jump = newest is not None and _is_large_step(newest, place)
+        self._jump, self._refused = (place, self._refused) if is_jump else (None, 0)
         self._newest[place.sender] = place
         self._newest.move_to_end(place.sender)
         while len(self._newest) > _CAMERAS:
             self._newest.popitem(last=False)
 
     def is_new(self, publisher: int, index: int, stamp_ns: int = 0) -> bool:
-        """Whether a frame is new; a new frame becomes the newest."""
+        """Whether a frame that was not refused is new; a new frame becomes the newest."""
         place = self.place(publisher, index, stamp_ns)
-        if place.kind == "new":
+        if place.kind != "old":
             self.take(place)
-        return place.kind == "new"
+        return place.kind != "old"
+
+    def _follows_jump(self, place: Place) -> bool:
+        """Whether a frame counts on from the last one behind a large step; also if it is sent again."""
+        last = self._jump
+        return (
+            last is not None
+            and last.sender == place.sender
+            and (last.index <= place.index and last.stamp_ns <= place.stamp_ns)
+        )
+
+
+def _is_large_step(newest: Place, place: Place) -> bool:
+    return place.index - newest.index > LARGEST_STEP

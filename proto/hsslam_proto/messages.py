@@ -46,7 +46,9 @@ class Frame(Message, frozen=True, kw_only=True):
 
     `publisher` is a random number from `2**62` to `2**63 - 1`. A camera draws a new one each time it counts
     from 0, so publisher and index identify a frame. If it is 0, the publisher in the attachment takes its
-    place, and a lower index with a later `stamp_ns` begins a new count.
+    place, and a lower index with a later `stamp_ns` begins a new count. A frame whose `index` is more than
+    `2**20` above the last is refused and counted as rejected; after ten such frames in a row, the service
+    takes it that the camera counts on from there.
 
     `odometry`: pose of the camera at the stamp by wheel or other odometry, in a frame of its own that
     drifts: x, y, z, qx, qy, qz, qw. Empty: unknown. `odometry_covariance` lists the same 21 numbers as

@@ -1,11 +1,13 @@
 """Which frames count as new, whatever cameras do with their numbers."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_proto.frame_order import (
     LARGEST_INDEX,
     LARGEST_STEP,
+    MOST_REFUSED,
     FrameOrder,
     new_publisher,
     replayed_publisher,
@@ -44,6 +46,49 @@ def test_a_sender_without_a_number_begins_anew_with_a_later_stamp():
     assert order.place(0, 1, 101).publisher == first
     (third,) = _taken(order, 0, [0], first_ns=200)
     assert third not in (0, first)
+
+
+def _new(order: FrameOrder, camera: int, indices: list[int], first_ns: int) -> list[int]:
+    """The indices that are taken, one stamp later each; the others are refused."""
+    found = []
+    for stamp_ns, index in enumerate(indices, first_ns):
+        place = order.place(camera, index, stamp_ns)
+        if place.kind == "new":
+            order.take(place)
+            found.append(index)
+        else:
+            order.refuse(place)
+    return found
+
+
+@pytest.mark.parametrize("camera", [7, new_publisher()])
+def test_a_camera_whose_count_jumps_is_new_again_after_ten_frames(camera: int):
+    order = FrameOrder()
+    first = LARGEST_INDEX - 30
+    jumped = [first + k for k in range(MOST_REFUSED + 3)]
+    assert _new(order, camera, [0, 1, *jumped], 0) == [0, 1, *jumped[MOST_REFUSED:]]
+    assert order.place(camera, jumped[-1], 14).kind == "old"
+    assert order.place(camera, jumped[-1] + 1, 15).kind == "new"
+
+
+def test_frames_of_a_camera_whose_index_is_a_time_in_ns_are_new():
+    times = [33_333_333 * k for k in range(40)]
+    assert _new(FrameOrder(), new_publisher(), times, 0) == [0, *times[MOST_REFUSED + 1 :]]
+
+
+def test_absurd_indices_beside_those_of_the_camera_stay_refused():
+    order, camera = FrameOrder(), new_publisher()
+    for k in range(30):
+        row = [k, *(2**50 + 9 * k + j for j in range(MOST_REFUSED - 1))]
+        assert _new(order, camera, row, 10 * k) == [k]
+
+
+def test_frames_that_were_not_refused_are_new_behind_a_jump():
+    """As poses in the mapper, and frames in a log."""
+    order, camera = FrameOrder(), new_publisher()
+    assert [order.is_new(camera, index) for index in (3, 2**50, 2**50, 2**50 + 1)] == [
+        True, True, False, True
+    ]  # fmt: skip
 
 
 def test_a_restarted_reader_goes_on_with_the_count_that_it_left():

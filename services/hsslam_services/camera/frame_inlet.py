@@ -13,7 +13,7 @@ class FrameInlet:
 
     If the run has a camera process, it writes its publisher number to `camera_arena`, and frames of all
     other publishers are refused. An external camera is identified by the number in its frames, else by
-    that in their attachments.
+    that in their attachments. It may count on after ten absurd indices in a row (`FrameOrder`).
     """
 
     def __init__(
@@ -33,6 +33,7 @@ class FrameInlet:
             return None
         place = self._order.place(publisher, frame.index, frame.stamp_ns)
         if place.kind == "absurd":
+            self._order.refuse(place)
             self._frames.refuse(
                 f"frame {frame.index}: expected at most {LARGEST_STEP} after the last of its camera"
             )

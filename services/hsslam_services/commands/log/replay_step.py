@@ -4,6 +4,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+import msgspec
+
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages
 from hsslam_proto.frame_codec import restamped
@@ -59,7 +61,7 @@ class StepByStep:
             raise UserError("--step: no service: expected hsslam-serve --source zenoh:")
         publishers = {}
         sent: Counter[str] = Counter()
-        order = FrameOrder()
+        order, camera, newest, shift = FrameOrder(), -1, -1, 0
         for entry in logged:
             if entry.topic not in publishers:
                 publishers[entry.topic] = self._bus.publisher(entry.topic, block=True)
@@ -67,10 +69,15 @@ class StepByStep:
                 message = entry.message()
                 assert isinstance(message, messages.Frame)
                 place = order.place(message.publisher, message.index, message.stamp_ns)
-                if place.kind != "new":
+                if place.kind == "old":
                     continue
                 order.take(place)
-                again = replayed_publisher(place.publisher, self._publisher)
+                begins = place.publisher != camera
+                if begins or place.kind == "absurd":  # the service would refuse a jump
+                    shift = 0 if begins else newest + 1 - message.index
+                camera, newest = place.publisher, message.index + shift
+                message = msgspec.structs.replace(message, index=newest)
+                again = replayed_publisher(camera, self._publisher)
                 self._send_until_answered(publishers[FRAME], message, again)
             else:
                 publishers[entry.topic].put_payload(entry.payload)

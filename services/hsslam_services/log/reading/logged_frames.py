@@ -33,10 +33,11 @@ class _Known:
     def take(self, message: messages.Frame) -> messages.Frame | None:
         """The next frame, with its index in the source; None if it is not new."""
         place = self.order.place(message.publisher, message.index, message.stamp_ns)
-        if place.kind != "new":
+        if place.kind == "old":
             return None
         self.order.take(place)
-        if self.camera is not None and place.publisher != self.camera:
+        begins = place.publisher != self.camera or place.kind == "absurd"
+        if self.camera is not None and begins:
             self.shift = self.newest + 1 - message.index
         self.camera, self.newest = place.publisher, self.shift + message.index
         self.row += 1
@@ -46,7 +47,8 @@ class _Known:
 
 
 class LoggedFrames:
-    """The frames in the files of a log; indices of a further camera continue after those of the last.
+    """The frames in the files of a log; indices of a further camera continue after those of the last, and so
+    do those of a camera whose count has jumped.
 
     Notes a place every 100 frames while it reads; a later reading begins at the last before its first frame.
     """

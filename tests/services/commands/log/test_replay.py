@@ -9,12 +9,15 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
+from hsslam_proto.codec import encode
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.commands.log.replay import main, publish, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.log.reading.files import log_parts
 from hsslam_services.log.reading.reader import bus_messages
 from tests.services.log.sample_log import write_log
-from tests.services.wire_samples import pose
+from tests.services.wire_samples import frame, pose
 from tests.until import until
 
 _DELAY_S = 8.0  # for a listener to connect, on a busy machine
@@ -115,7 +118,13 @@ def test_a_service_of_another_robot_is_named_at_once(tmp_path, endpoint, capsys)
 
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_step_sends_a_frame_when_the_last_is_done_with(tmp_path, lockstep):
-    path = write_log(tmp_path, count=5)
+    """The count of the camera jumps in the log; the service would refuse a jump."""
+    log = PartedLog(tmp_path, "r", LogSettings())
+    for row, index in enumerate((0, 1, 2, 2**40, 2**40 + 1)):
+        message = msgspec.structs.replace(frame(row), index=index)
+        log.write(topics.FRAME, encode(topics.FRAME, message), row, row, row)
+    log.close()
+    (path,) = log_parts(tmp_path, print)
     endpoint = free_endpoint()
     router = open_router(endpoint)
     seen: list[tuple[int, int]] = []

@@ -32,6 +32,7 @@ def test_the_frames_from_any_of_them_on_are_those_of_the_whole_log(tmp_path, rob
     numbers = [
         *((first, k) for k in (*range(140), 138, 139, *range(140, 180))),  # two were sent again
         *((second, k) for k in range(5, 160)),
+        *((second, 2**21 + k) for k in range(3)),  # its count jumps
         *(
             (0, k) for k in (*range(60), *range(60))
         ),  # a driver that begins anew and does not say so
@@ -45,7 +46,8 @@ def test_the_frames_from_any_of_them_on_are_those_of_the_whole_log(tmp_path, rob
 
     whole = since(0)
     assert [item[0] for item in whole] == list(range(len(sent) - 2))
-    for row in (1, 99, 100, 103, 141, 180, 250, 334, 340, 400, 452, 453):
+    assert [index for _, index, camera, _ in whole if camera == second] == list(range(180, 338))
+    for row in (1, 99, 100, 103, 141, 180, 250, 334, 337, 340, 400, 452, 453):
         assert since(row) == whole[row:]
 
 
