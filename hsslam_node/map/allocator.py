@@ -8,11 +8,19 @@ import numpy as np
 _LINE_BYTES = 64  # of a cache line; aligned vectors of 16 floats never cross two
 
 
+class UnreadableArrayError(OSError):
+    """The disk does not give the data of an array. `strerror`: one line with the file and the reason."""
+
+
 class ArrayAllocator(Protocol):
     """Named arrays. Creating one that exists with the same shape and type returns it as it is."""
 
     def create(self, name: str, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> np.ndarray:
-        """A new array of zeros, or the existing one of that name."""
+        """A new array of zeros, or the existing one of that name.
+
+        Raises:
+            UnreadableArrayError: it exists on a disk that does not give its data.
+        """
         ...
 
     def open(self, name: str) -> np.ndarray:

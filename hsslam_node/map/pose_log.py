@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.allocator import ArrayAllocator, UnreadableArrayError
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 
 SLAB_ROWS = 1024
@@ -62,6 +62,9 @@ class PoseLog:
     log outlives a map that is thrown away: rows say of which map epoch they are. A log of days has more
     rows than the memory holds: only `rows` copies all of them.
 
+    A slab that the disk does not give has lost frames without a publisher in place of its rows, with stamps
+    and map epoch of the row before; `unreadable` tells of it.
+
     Args:
         arrays: hold the rows, in slabs.
         on_full: takes the name of a slab that is full, which nothing writes any more.
@@ -78,6 +81,7 @@ class PoseLog:
         # keyframes of each fragment, if it has joined the map; else 0
         self._joins = arrays.create(_JOINS, (MOST_FRAGMENTS + 1,), np.int64)
         self._slabs: dict[int, np.ndarray] = {}  # those that are not full
+        self._unreadable: dict[int, str] = {}  # full ones that could not be read, and why
         self._noted_at = {
             int(self._row(n - 1)["publisher"]): k for k, n in enumerate(self._newest.tolist()) if n
         }
@@ -93,6 +97,14 @@ class PoseLog:
     def not_logged(self) -> int:
         """Rows of all writers that the memory had no room for."""
         return load_ordered(self._header, _NOT_LOGGED)
+
+    @property
+    def unreadable(self) -> str:
+        """How many rows the disk did not give this reader so far, and the first reason; empty if none."""
+        if not self._unreadable:
+            return ""
+        why = next(iter(self._unreadable.values()))
+        return f"{why}: {len(self._unreadable) * SLAB_ROWS} poses cannot be read"
 
     def append(self, row: np.ndarray | np.void) -> bool:
         """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one. False: there is no memory for it.
@@ -236,12 +248,33 @@ class PoseLog:
     def _slab(self, k: int) -> np.ndarray:
         slab = self._slabs.get(k)
         if slab is None:
-            slab = self._arrays.create(_slab_name(k), (SLAB_ROWS,), POSE_ROW)
+            slab = self._opened(k)
+            if slab is None:
+                return self._lost_slab(k)
             full = self.count // SLAB_ROWS
             self._slabs = {j: held for j, held in self._slabs.items() if j >= full}
             if k >= full:
                 self._slabs[k] = slab
         return slab
+
+    def _opened(self, k: int) -> np.ndarray | None:
+        """A slab, [SLAB_ROWS] of POSE_ROW; None if the disk does not give it. It is not tried again."""
+        if k not in self._unreadable:
+            try:
+                return self._arrays.create(_slab_name(k), (SLAB_ROWS,), POSE_ROW)
+            except UnreadableArrayError as error:
+                self._unreadable[k] = str(error.strerror)
+        return None
+
+    def _lost_slab(self, k: int) -> np.ndarray:
+        """Rows in place of those of a slab that cannot be read, after the last row before it that can."""
+        rows = np.zeros(SLAB_ROWS, POSE_ROW)
+        others = [*range(k - 1, -1, -1), *range(k + 1, -(-self.count // SLAB_ROWS))]
+        near = next(((j, slab) for j in others if (slab := self._opened(j)) is not None), None)
+        if near is not None:
+            rows[:] = near[1][-1 if near[0] < k else 0]
+        rows["publisher"], rows["status"], rows["keyframe"], rows["fragment"] = -1, LOST, -1, 0
+        return rows
 
 
 def _slab_name(k: int) -> str:

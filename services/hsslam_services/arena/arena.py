@@ -15,7 +15,7 @@ import torch
 
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import MORE_SHARED_MEMORY, OutOfMemoryError
-from hsslam_services.arena.arena_view import ArrayHeader, removed_is_absent
+from hsslam_services.arena.arena_view import ArrayHeader, moved_array, removed_is_absent
 from hsslam_services.arena.shared_pages import give_back
 
 PARAMETERS_LEASE = "params"  # held while a process steps the parameters
@@ -52,15 +52,18 @@ class Arena:
         return array
 
     def open(self, name: str) -> np.ndarray:
-        """The array as a writable view of the shared memory.
+        """The array as a writable view of the shared memory, or a copy of one that was moved to the disk.
 
         Raises:
             KeyError: there is no array of this name yet.
             FileNotFoundError: it was moved to disk, and its file is gone.
+            UnreadableArrayError: the disk does not give all of it.
         """
-        dtype, shape = ArrayHeader.read(self._path(name, ".json"))
-        nbytes = math.prod(shape) * dtype.itemsize
+        header = ArrayHeader.read(self._path(name, ".json"))
+        (dtype, shape), nbytes = header, header.nbytes
         with removed_is_absent(self._path(name, ".json")):
+            if (moved := moved_array(self._path(name, ".bin"), header)) is not None:
+                return moved
             self._path(name, ".bin").stat()  # PyTorch would create a missing file
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
@@ -81,7 +84,7 @@ class Arena:
     def move_to_disk(self, name: str, folder: Path) -> None:
         """Replace the data of a finished array by a link to a copy in `folder`.
 
-        `open` works as before. The shared memory is free when the processes that opened the array
+        `open` then returns a copy. The shared memory is free when the processes that opened the array
         earlier unmap it.
 
         Raises:

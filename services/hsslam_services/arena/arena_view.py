@@ -4,6 +4,7 @@ Separate from `arena.py` so that the supervisor does not import torch.
 """
 
 import contextlib
+import errno
 import json
 import math
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from hsslam_node.map.allocator import UnreadableArrayError
 
 
 class ArrayHeader(NamedTuple):
@@ -56,6 +59,33 @@ def removed_is_absent(header: Path) -> Iterator[None]:
         raise KeyError(header.stem) from None
 
 
+def moved_array(data: Path, header: ArrayHeader) -> np.ndarray | None:
+    """A copy of the array if its data was moved to the disk, else None.
+
+    It is read and not mapped: a bad sector or a cut file would kill a process that maps it (SIGBUS), and a
+    disk that hangs would stop all its threads.
+
+    Raises:
+        UnreadableArrayError: the disk does not give all of it.
+        FileNotFoundError: the file on the disk is gone.
+    """
+    if not data.is_symlink():
+        return None
+    content = np.zeros(header.nbytes, np.uint8)
+    try:
+        with data.open("rb") as file:
+            count = file.readinto(content.data)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        why = str(error.strerror)
+    else:
+        why = "" if count == header.nbytes else f"{count} bytes: expected {header.nbytes}"
+    if why:
+        raise UnreadableArrayError(errno.EIO, f"{data.readlink()}: {why}")
+    return content.view(header.dtype).reshape(header.shape)
+
+
 def _dtype(descr: Any) -> np.dtype:
     """The dtype of a descriptor in JSON, which has lists in place of tuples."""
     if isinstance(descr, str):
@@ -87,11 +117,19 @@ class ArenaView:
         return array
 
     def open(self, name: str) -> np.ndarray:
-        """The array as a read-only view of the shared memory; raises KeyError if it does not exist yet."""
+        """The array as a read-only view of the shared memory, or a copy of one that was moved to the disk.
+
+        Raises:
+            KeyError: the array does not exist yet.
+            UnreadableArrayError: the disk does not give all of it.
+        """
         path = self._folder / f"{name}.json"
-        header = ArrayHeader.read(path)
+        data, header = path.with_suffix(".bin"), ArrayHeader.read(path)
         with removed_is_absent(path):
-            return np.memmap(path.with_suffix(".bin"), header.dtype, "r", shape=header.shape)
+            moved = moved_array(data, header)
+            return (
+                np.memmap(data, header.dtype, "r", shape=header.shape) if moved is None else moved
+            )
 
     def exists(self, name: str) -> bool:
         """Whether an array of this name is ready."""

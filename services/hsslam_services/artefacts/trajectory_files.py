@@ -23,21 +23,21 @@ class TrajectoryFiles:
     """The three trajectories of one map epoch, those of fragments that have not joined its map, and pose
     statistics. `store`: keyframes of the epoch. Reads the pose log in pieces: days have millions of rows.
 
-    `lost`: why there are only keyframes, as older poses were in a run folder that is gone; else empty.
+    Poses that the disk does not give are missing in the files.
     """
 
     def __init__(
         self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
     ) -> None:
         self._gravity = None if store is None else store.world_frame.gravity
-        self.lost, self._fragments = "", {}
+        self._gone, self._fragments = "", {}
         try:
             self._log = PoseLog(arena)
             self._here = EpochPoses(self._log, map_epoch)
             self._fragments = self._here.fragments()
         except FileNotFoundError as error:  # the keyframes are in memory
             link = Path(error.filename)
-            self.lost = f"{link.readlink()}: gone with its run folder, and the poses in it"
+            self._gone = f"{link.readlink()}: gone with its run folder, and the poses in it"
         self._map_epoch, self._suffix = map_epoch, suffix
         poses = store.poses() if store is not None else np.zeros((0, 4, 4))
         stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
@@ -46,7 +46,7 @@ class TrajectoryFiles:
         self._trajectories: dict[str, Callable[[], Iterable[Trajectory]]] = {
             "keyframes": lambda: [self._keyframes]
         }
-        if self.lost:
+        if self._gone:
             return
         self._trajectories |= {
             "trajectory": partial(self._here.final, poses),
@@ -58,11 +58,17 @@ class TrajectoryFiles:
             },
         }
 
+    @property
+    def lost(self) -> str:
+        """Why poses are missing: the run folder is gone, so there are only keyframes, or the disk does not
+        give them; else empty. Complete after `save`."""
+        return self._gone or self._log.unreadable
+
     def section(self, run_dir: Path) -> dict[str, Any]:
         """Pose statistics for the summary: of a run that ends, and of this epoch, if there are several; and
         which maps of fragments the tracker has saved in `run_dir`."""
         section: dict[str, Any] = {}
-        if self.lost:
+        if self._gone:
             return section
         if not self._suffix:  # else each reset reads the rows of all epochs
             section = pose_section(map(self._log.joined, self._log.slabs()))
@@ -95,7 +101,7 @@ class TrajectoryFiles:
             UserError: names each file that cannot be written.
         """
         errors = []
-        joined = [] if self.lost else filter(self._log.is_joined, self._fragments)
+        joined = [] if self._gone else filter(self._log.is_joined, self._fragments)
         for number in joined:  # since an earlier save
             name = f"{fragment_trajectory_name(number)}{self._suffix}.txt"
             (run_dir / name).unlink(missing_ok=True)

@@ -22,7 +22,9 @@ def _run(worker: Worker) -> None:
     files = TrajectoryFiles(worker.arena, store, mode.map_epoch, suffix)
     worker.add_to_summary(files.section(worker.run.path))
     files.save(worker.run.path)
-    if files.lost:
+    if files.lost and mode.is_given_up:
+        worker.event("error", files.lost)  # a reset does not bring the poses back
+    elif files.lost:
         raise UserError(files.lost)
 
 

@@ -7,7 +7,9 @@ from typing import Any
 import msgspec
 
 from hsslam_proto import requests as rpc
+from hsslam_proto import topics
 from hsslam_proto.request_messages import Done, Status
+from hsslam_proto.run_messages import Event
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
@@ -37,11 +39,12 @@ class Gateway:
         self._is_stopping = False
         self._run = run
         self._bus = bus
+        self._events = bus.publisher(topics.EVENT)
         self._requests = bus.requests()
         self._pause = CameraPause(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
-        self._trajectory = TrajectorySoFar(Path(run.arena_dir))
+        self._trajectory = TrajectorySoFar(Path(run.arena_dir), self._warn)
         self._queries = PassedOn(bus, rpc.QUERY)
         self._places = PassedOn(bus, rpc.LOCATE)
         self._saving = MapSaving(run, spawn)
@@ -101,6 +104,9 @@ class Gateway:
         """End a save or reset in progress."""
         self._saving.close()
         self._reset.close()
+
+    def _warn(self, text: str) -> None:
+        self._events.put(Event.now("control", "warning", text))
 
     @property
     def _pace(self) -> Any:

@@ -1,5 +1,6 @@
 """Requests for the newest mesh and for the trajectory so far."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -56,10 +57,12 @@ class NewestMesh:
 
 
 class TrajectorySoFar:
-    """Answers with all refined poses so far; a thread computes them."""
+    """Answers with all refined poses so far; a thread computes them. `report(text)` takes a line about poses
+    that the disk does not give."""
 
-    def __init__(self, arena_dir: Path) -> None:
+    def __init__(self, arena_dir: Path, report: Callable[[str], None]) -> None:
         self._arena_dir = arena_dir
+        self._report = report
         self._map_state = MapState(arena_dir)
         self._waiting = WaitingRequests("trajectories", self._answer)
 
@@ -68,7 +71,7 @@ class TrajectorySoFar:
         self._waiting.add(asked)
 
     def _answer(self, asked: PendingRequest) -> None:
-        found = trajectory_so_far(self._arena_dir, self._map_state.map_epoch)
+        found = trajectory_so_far(self._arena_dir, self._map_state.map_epoch, report=self._report)
         if isinstance(found, Refusal):
             asked.refuse(found.reason, found.text)
         else:
@@ -76,14 +79,18 @@ class TrajectorySoFar:
 
 
 def trajectory_so_far(
-    arena_dir: Path, map_epoch: int = 0, most: int = MOST_POSES
+    arena_dir: Path,
+    map_epoch: int = 0,
+    most: int = MOST_POSES,
+    report: Callable[[str], None] = lambda _: None,
 ) -> TrajectoryRows | Refusal:
     """All refined poses of a map epoch, without lost frames; a refusal if there is no pose or there may be
-    more than `most`."""
+    more than `most`. `report(text)` is called if the disk does not give some of them."""
     arrays = ArenaView(arena_dir)
     try:
         T_world_keyframe = KeyframeStore(arrays).poses()
-        poses = EpochPoses(PoseLog(arrays), map_epoch)
+        log = PoseLog(arrays)
+        poses = EpochPoses(log, map_epoch)
     except KeyError:
         return Refusal(reason="not_now", text="trajectory: there is no pose yet")
     if len(poses) > most:
@@ -97,6 +104,8 @@ def trajectory_so_far(
         stamps_ns[rows], numbers[rows, :3] = piece.stamps_ns, piece.positions
         numbers[rows, 3:] = quaternions_from_rotations(piece.T_world_cam[:, :3, :3])
         count += len(piece)
+    if log.unreadable:
+        report(f"trajectory: {log.unreadable}")
     return TrajectoryRows(
         count=count,
         stamps_ns=stamps_ns[:count].data,

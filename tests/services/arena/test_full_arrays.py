@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsslam_node.map.pose_log import SLAB_ROWS, PoseLog, pose_row
+from hsslam_node.map.pose_log import LOST, SLAB_ROWS, PoseLog, pose_row
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import ArenaFolder, disk_folder
 from hsslam_services.arena.arena_view import ArenaView
@@ -137,3 +137,35 @@ def test_a_reader_of_a_growing_log_keeps_no_memory_of_rows_on_the_disk(folder, t
         assert arena.tried.acquire(timeout=30)
     mapped = Path("/proc/self/maps").read_text().splitlines()
     assert not [line for line in mapped if "pose_log." in line and line.endswith("(deleted)")]
+
+
+@pytest.mark.parametrize("of", [Arena, ArenaView])
+@pytest.mark.parametrize("fault", ["cut", "bad sector"])
+def test_poses_that_the_disk_does_not_give_are_lost_and_all_others_are_read(
+    folder, tmp_path, of, fault
+):
+    """A process that mapped the file would be killed by SIGBUS."""
+    arena = _Moved(folder.path)
+    _filled(arena, tmp_path / "run", 3 * SLAB_ROWS + 5, [])
+    for _ in range(3):
+        assert arena.tried.acquire(timeout=30)
+    link = folder.path / "pose_log.001.bin"
+    if fault == "cut":
+        with link.readlink().open("r+b") as file:
+            file.truncate(5000)
+        why = "5000 bytes: expected"
+    else:
+        link.unlink()
+        link.symlink_to("/proc/self/mem")  # its first bytes cannot be read
+        why = "Input/output error"
+    log = PoseLog(of(folder.path))
+    assert not log.unreadable
+    rows = log.rows()
+    lost = slice(SLAB_ROWS, 2 * SLAB_ROWS)
+    assert (rows["status"][lost] == LOST).all() and (rows["publisher"][lost] == -1).all()
+    assert (rows["source_stamp_ns"][lost] == SLAB_ROWS - 1).all()
+    there = np.delete(rows["T_world_cam"][:, 0, 3], lost)
+    assert there.tolist() == [*range(SLAB_ROWS), *range(2 * SLAB_ROWS, 3 * SLAB_ROWS + 5)]
+    assert why in log.unreadable and f": {SLAB_ROWS} poses cannot be read" in log.unreadable
+    assert log.unreadable.startswith(str(link.readlink()))
+    assert log.rows_of_epoch(0) == range(3 * SLAB_ROWS + 5)

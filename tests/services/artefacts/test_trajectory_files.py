@@ -1,8 +1,10 @@
 """Trajectory files of a long run: the bytes of one text of all rows, written a slab at a time."""
 
+import os
 import tracemalloc
 
 import numpy as np
+import pytest
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import tum_text
@@ -52,3 +54,23 @@ def test_files_and_statistics_are_those_of_all_rows(tmp_path):
     assert files.section(tmp_path)["fragments"]["2"]["map"] == "map_fragment_2.safetensors"
     assert sum(frames[status] for status in ("tracked", "lost")) == COUNT - FIRST_OF_LAST_EPOCH
     assert np.isfinite(list(section["latency_ms"].values())).all()
+
+
+def test_poses_that_the_disk_does_not_give_are_told_and_all_others_are_written(tmp_path):
+    (tmp_path / "arena").mkdir()
+    arena = Arena(tmp_path / "arena")
+    store = KeyframeStore.create(arena, Camera(8, 6, 8.0, 8.0, 3.5, 2.5), 1000.0, 8)
+    long_log(arena)
+    TrajectoryFiles(arena, store, 1, ".whole").save(tmp_path)
+    arena.move_to_disk("pose_log.001", tmp_path / "on disk")
+    os.truncate(tmp_path / "on disk" / "pose_log.001.bin", 5000)
+    files = TrajectoryFiles(arena, store, 1)
+    section = files.section(tmp_path)
+    files.save(tmp_path)
+    assert "5000 bytes" in files.lost and f"{SLAB_ROWS} poses cannot be read" in files.lost
+    whole, part = (
+        (tmp_path / f"trajectory_online{suffix}.txt").read_text().splitlines()
+        for suffix in (".whole", "")
+    )
+    assert set(part) < set(whole) and 0 < len(whole) - len(part) <= SLAB_ROWS
+    assert section["sensor_s"] == pytest.approx((COUNT - 1) * 0.033)

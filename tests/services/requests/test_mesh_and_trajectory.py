@@ -10,7 +10,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.map.epoch_poses import final_trajectory
-from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.map.pose_log import LOST, SLAB_ROWS, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.request_messages import Ask, Refusal, TrajectoryRows
@@ -28,7 +28,7 @@ from hsslam_services.requests.mesh_and_trajectory import (
     trajectory_so_far,
 )
 from hsslam_services.run.run_info import RunInfo
-from tests.long_pose_log import long_log
+from tests.long_pose_log import long_log, long_rows
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
 _T = transform(np.array([1.0, 2.0, 3.0]), np.array([0.5, -0.5, 0.5, 0.5]))
@@ -85,6 +85,22 @@ def test_more_poses_than_an_answer_holds_are_refused_before_they_are_read(tmp_pa
     np.testing.assert_array_equal(poses[:, :3], whole.positions)
     rotations = whole.T_world_cam[:, :3, :3]
     np.testing.assert_array_equal(poses[:, 3:], quaternions_from_rotations(rotations))
+
+
+def test_without_the_poses_that_the_disk_does_not_give_the_others_are_told(tmp_path):
+    (tmp_path / "arena").mkdir()
+    arena, told = Arena(tmp_path / "arena"), []
+    KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
+    long_log(arena)
+    whole = _expect_rows(trajectory_so_far(arena.folder, 1, report=told.append))
+    arena.move_to_disk("pose_log.001", tmp_path / "run")
+    os.truncate(tmp_path / "run" / "pose_log.001.bin", 5000)
+    part = _expect_rows(trajectory_so_far(arena.folder, 1, report=told.append))
+    missing = np.setdiff1d(*(np.frombuffer(rows.stamps_ns, "<i8") for rows in (whole, part)))
+    in_it = long_rows()["source_stamp_ns"][SLAB_ROWS : 2 * SLAB_ROWS]
+    assert 900 < len(missing) <= SLAB_ROWS and np.isin(missing, in_it).all()
+    [line] = told
+    assert line.startswith(f"trajectory: {tmp_path / 'run' / 'pose_log.001.bin'}: 5000 bytes")
 
 
 def test_other_requests_are_answered_while_poses_are_read(run_info: RunInfo):
