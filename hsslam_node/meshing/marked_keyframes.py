@@ -1,6 +1,6 @@
 """The keyframes that the live mesh has marked, and their poses: marks follow corrected poses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -18,17 +18,18 @@ _MARGIN_M = 4.0  # around the bound: a keyframe may come before the map has grow
 class MarkedKeyframes:
     """Marks keyframes in the space of a live mesh, new ones first.
 
-    After a correction by more than a voxel it marks all keyframes again, some in each refresh, in a second
-    space. When this is complete, it replaces the first.
+    After a correction by more than a voxel it marks all kept keyframes again, some in each refresh, in a
+    second space. When this is complete, it replaces the first. Memory and time follow the kept keyframes, not
+    the length of the run.
     """
 
     def __init__(self, mesh: LiveMesh) -> None:
         self._mesh = mesh
         self._bound: Bound | None = None
         self._is_behind = False
-        self._marked_at = np.zeros((0, 4, 4))  # T_world_cam of the keyframes marked so far
+        self._marked_at: dict[int, np.ndarray] = {}  # T_world_cam of keyframes marked so far, by id
         self._second: SparseSpace | None = None
-        self._second_at = np.zeros((0, 4, 4))  # of the keyframes marked again so far
+        self._second_at: dict[int, np.ndarray] = {}  # of the keyframes marked again so far
 
     @property
     def is_behind(self) -> bool:
@@ -47,7 +48,7 @@ class MarkedKeyframes:
 
     def mark(
         self,
-        poses: np.ndarray,
+        keyframes: Mapping[int, np.ndarray],
         camera: Camera,
         depth_m: DepthOf,
         has_time: HasTime,
@@ -55,60 +56,52 @@ class MarkedKeyframes:
         """Mark keyframes that are new or have moved, while there is time, and look at the blocks that grow.
 
         Args:
-            poses: T_world_cam [n, 4, 4] of all keyframes now.
+            keyframes: T_world_cam [4, 4] now of each kept keyframe, by id, ascending.
             camera: of all keyframes.
-            depth_m: gives the depth [H, W] of keyframe k, m; None if it is retired: others show the same.
+            depth_m: gives the depth [H, W] of keyframe k, m; None if it is retired meanwhile: others show the
+                same.
             has_time: called between keyframes; it marks at least one.
         """
-        self._marked_at = _marked(
-            self._mesh.space, self._marked_at, poses, camera, depth_m, has_time
+        self._marked_at = {k: T for k, T in self._marked_at.items() if k in keyframes}
+        self._is_behind = not _mark(
+            self._mesh.space, self._marked_at, keyframes, camera, depth_m, has_time
         )
-        self._is_behind = len(self._marked_at) < len(poses)
-        if self._second is None and self._moved(poses):
+        if self._second is None and self._moved(keyframes):
             self._second = SparseSpace(self._mesh.space.voxel_m, self._mesh.space.block_cells)
-            self._second_at = np.zeros((0, 4, 4))
+            self._second_at = {}
             if self._bound is not None:
                 self._second.cover(_wider(self._bound))
         if self._second is not None:
-            self._mark_again(self._second, poses, camera, depth_m, has_time)
+            again = {k: keyframes[k] for k in self._marked_at}
+            if _mark(self._second, self._second_at, again, camera, depth_m, has_time):
+                self._mesh.take_space(self._second)
+                self._marked_at, self._second = self._second_at, None
         self._mesh.look_at(self._mesh.space.take_grown())
 
-    def _mark_again(
-        self,
-        space: SparseSpace,
-        poses: np.ndarray,
-        camera: Camera,
-        depth_m: DepthOf,
-        has_time: HasTime,
-    ) -> None:
-        count = len(self._marked_at)
-        self._second_at = _marked(space, self._second_at, poses[:count], camera, depth_m, has_time)
-        if len(self._second_at) < count:
-            return
-        self._mesh.take_space(space)
-        self._marked_at, self._second = self._second_at, None
-
-    def _moved(self, poses: np.ndarray) -> bool:
-        known = min(len(poses), len(self._marked_at))
-        shift_m = surface_shift_m(self._marked_at[:known], poses[:known])
-        return shift_m > self._mesh.space.voxel_m  # smaller shifts stay within the marks
+    def _moved(self, keyframes: Mapping[int, np.ndarray]) -> bool:
+        then = np.array([*self._marked_at.values()]).reshape(-1, 4, 4)
+        now = np.array([keyframes[k] for k in self._marked_at]).reshape(-1, 4, 4)
+        # smaller shifts stay within the marks
+        return surface_shift_m(then, now) > self._mesh.space.voxel_m
 
 
-def _marked(
+def _mark(
     space: SparseSpace,
-    before: np.ndarray,
-    poses: np.ndarray,
+    marked_at: dict[int, np.ndarray],
+    keyframes: Mapping[int, np.ndarray],
     camera: Camera,
     depth_m: DepthOf,
     has_time: HasTime,
-) -> np.ndarray:
-    """Mark keyframes behind those at poses `before` [m, 4, 4]; returns the poses [k, 4, 4] of all marked."""
-    first = end = len(before)
-    while end < len(poses) and (end == first or has_time()):
-        if (depth := depth_m(end)) is not None:
-            space.observe(depth, camera, poses[end])
-        end += 1
-    return before if end == first else np.concatenate([before, poses[first:end]])
+) -> bool:
+    """Mark keyframes that are not in `marked_at`, and note their poses there; whether all are marked now."""
+    new = [k for k in keyframes if k not in marked_at]
+    for number, k in enumerate(new):
+        if number and not has_time():
+            return False
+        if (depth := depth_m(k)) is not None:
+            space.observe(depth, camera, keyframes[k])
+        marked_at[k] = keyframes[k].copy()  # a view would hold the poses of all
+    return True
 
 
 def _wider(bound: Bound) -> Bound:

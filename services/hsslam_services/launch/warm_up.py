@@ -218,7 +218,7 @@ def _track_and_mesh(report: Report) -> _TinyRun:
     live = LiveMesh(SparseSpace(0.1), config.field.truncation_m)
     marked = MarkedKeyframes(live)
     marked.cover(bound)
-    marked.mark(T_world_cam[None], first.camera, lambda _: keyframes[0][0], lambda: True)
+    marked.mark({0: T_world_cam}, first.camera, lambda _: keyframes[0][0], lambda: True)
     live.probe(plane, lambda: True)
     live.refresh(plane, queries.color, lambda: True)
     return _TinyRun(config, store, parameters, mesh)

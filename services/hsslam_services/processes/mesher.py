@@ -212,7 +212,10 @@ class _MesherLoop:
         with self._lock:
             self._marked.cover(parameters.layout.bound)
             self._marked.mark(
-                store.poses(), store.camera, partial(_depth_m, store, self._max_depth_m), until(0.4)
+                _kept_poses(store),
+                store.camera,
+                partial(_depth_m, store, self._max_depth_m),
+                until(0.4),
             )
             self._mesh.probe(queries.sdf, until(0.6))
             refresh = self._mesh.refresh(queries.sdf, queries.color, until(1.0))
@@ -259,6 +262,12 @@ class _MesherLoop:
 
 def _triangles(mesh: BlockMesh, space: SparseSpace) -> Triangles:
     return Triangles(space.vertex_positions(mesh.block, mesh.vertices), mesh.faces, mesh.colors)
+
+
+def _kept_poses(store: KeyframeStore) -> dict[int, np.ndarray]:
+    """T_world_cam [4, 4] of each kept keyframe, by id, ascending."""
+    ids = store.kept()
+    return dict(zip(ids.tolist(), store.poses_of(ids), strict=True))
 
 
 def _depth_m(store: KeyframeStore, max_depth_m: float, k: int) -> np.ndarray | None:

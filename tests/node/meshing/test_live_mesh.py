@@ -26,7 +26,8 @@ class _Live:
 
     def mark(self, count: int) -> None:
         depth_m = lambda k: self.scene.keyframes[k][0]  # noqa: E731
-        self.marked.mark(self.poses[:count], self.scene.camera, depth_m, _always)
+        kept = dict(enumerate(self.poses[:count]))
+        self.marked.mark(kept, self.scene.camera, depth_m, _always)
 
     def refresh(self, sdf=None, has_time=_always):
         sdf = sdf or self.scene.sdf
@@ -57,13 +58,31 @@ def test_blocks_grown_bit_by_bit_are_the_surface_of_the_final_mesh(scene, live):
     assert live.area() == pytest.approx(whole.area, rel=0.01)
 
 
-def test_keyframes_that_are_retired_mark_nothing(scene):
+def test_keyframes_that_are_retired_meanwhile_mark_nothing(scene):
     live = _Live(scene, 0)
     none = lambda _: None  # noqa: E731
-    live.marked.mark(live.poses[:60], scene.camera, none, _always)
+    live.marked.mark(dict(enumerate(live.poses[:60])), scene.camera, none, _always)
     assert not live.marked.is_behind and not live.refresh().changed
     live.mark(len(live.poses))
     assert live.refresh().changed  # of those behind
+
+
+def test_the_marks_of_a_long_run_take_time_for_its_kept_keyframes_alone(scene):
+    live = _Live(scene, 0)
+    kept = {10_000 * k: T for k, T in enumerate(live.poses[:8])}  # the others are retired
+    rests = []
+    has_time = lambda: rests.append(1) or True  # noqa: E731
+    depth_m = lambda k: scene.keyframes[k // 10_000][0]  # noqa: E731
+    live.marked.mark(kept, scene.camera, depth_m, has_time)
+    assert len(rests) == 7 and not live.marked.is_behind
+    del kept[10_000], kept[30_000]
+    T_shift = np.eye(4)
+    T_shift[0, 3] = 0.3
+    loop = {k: T_shift @ T for k, T in kept.items()}
+    live.marked.mark(loop, scene.camera, depth_m, has_time)
+    assert len(rests) == 12 and not live.marked.is_behind  # all six are marked again
+    live.marked.mark(loop, scene.camera, depth_m, has_time)
+    assert len(rests) == 12
 
 
 def test_nothing_changes_while_the_map_stands_still(scene, live):
