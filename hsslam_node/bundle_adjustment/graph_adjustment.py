@@ -1,5 +1,6 @@
 """Bundle adjustment by a pose graph: its edges are alignments between keyframes, and the map follows."""
 
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -21,6 +22,7 @@ from hsslam_node.map.store import KeyframeStore
 
 _LOST_WEIGHT = 0.02  # an edge of a smaller weight leaves the graph
 _ALIKE_EVERY = 4  # rounds between searches for keyframes that look alike, 80 ms
+_ADDED_AT_ONCE = 512  # keyframes whose tracked motion is added without a rest, 50 ms
 _SURPRISE_M, _SURPRISE_RAD = 0.01, 0.005  # a loop that is off by more frees all poses
 
 
@@ -89,10 +91,7 @@ class GraphBundleAdjustment(BundleAdjustment):
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
         fragments = store.fragments()[:count]
-        for k in range(self._used, count):
-            T = inverse(poses[k - 1]) @ poses[k]
-            self._edges += self._chain.add(k, T, store.gap_covariance(k))
-        kept = self._drop_retired(store, count, poses)
+        kept = self._add_tracked(store, poses, rest)
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._used - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
@@ -121,10 +120,28 @@ class GraphBundleAdjustment(BundleAdjustment):
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
         return tuple((edge.first, edge.second) for edge in loops)
 
-    def _drop_retired(self, store: KeyframeStore, count: int, poses: np.ndarray) -> set[int]:
-        """Remove retired keyframes from the graph; return the kept ones below `count`."""
+    def _add_tracked(self, store: KeyframeStore, poses: np.ndarray, rest: Rest) -> set[int]:
+        """Add the tracked motion to the new keyframes, and remove retired keyframes; return the kept ones.
+
+        After a restart all keyframes are new, and most are retired: it removes some before it adds more.
+        """
+        count = len(poses)
+        for first in range(self._used, count, _ADDED_AT_ONCE):
+            end = min(first + _ADDED_AT_ONCE, count)
+            for k in range(first, end):
+                T = inverse(poses[k - 1]) @ poses[k]
+                self._edges += self._chain.add(k, T, store.gap_covariance(k))
+            if end < count:  # the next edges begin at the newest keyframes
+                self._drop_retired(store, poses, range(end - self._config.anchor_gap, end))
+                rest()
+        return self._drop_retired(store, poses)
+
+    def _drop_retired(
+        self, store: KeyframeStore, poses: np.ndarray, but: Iterable[int] = ()
+    ) -> set[int]:
+        """Remove retired keyframes from the graph, but not those of `but`; return the others."""
         ids = store.kept()
-        kept = set(ids[ids < count].tolist())
+        kept = set(ids[ids < len(poses)].tolist()).union(but)
         if self._chain.retain(kept, poses):
             self._edges = [e for e in self._edges if e.first in kept and e.second in kept]
         return kept

@@ -8,7 +8,7 @@ from hsslam_node.bundle_adjustment.tracked_chain import TrackedChain
 from hsslam_node.config import PoseGraphConfig
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from tests.node.bundle_adjustment.test_graph_adjustment import _config, _errors, _move
-from tests.small_room import mapped_room
+from tests.small_room import mapped_room, room_frames
 
 CONFIG = PoseGraphConfig(anchor_gap=3)
 
@@ -98,3 +98,24 @@ def test_an_edge_of_a_keyframe_that_is_gone_is_gone():
     ba.round(room.store)
     assert not any(5 in (e.first, e.second) for e in ba._edges)
     assert 5 not in ba._chain.keyframes
+
+
+def test_after_a_restart_the_graph_never_holds_the_retired_keyframes_of_a_long_run():
+    room = mapped_room(_config(neighbours=(1,), most_keyframes=1, loops=0))
+    store, frame, gap = room.store, room_frames()[36], room.config.pose_graph.anchor_gap
+    for k in range(store.count, 1600):
+        store.append(frame, store.pose(9))
+        if k > 70 and (k - 60) % 100 not in (0, gap):
+            store.retire(k - 60, 9)
+    sizes = []
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    ba.round(store, rest=lambda: sizes.append((len(ba._chain.keyframes), len(ba._edges))))
+    kept = store.kept()
+    assert len(sizes) > 3 and max(sum(size) for size in sizes) < 3 * len(kept)
+    assert ba._chain.keyframes.tolist() == kept.tolist()
+    for edge, before, k in zip(ba._chain.edges_to(kept[1:]), kept, kept[1:], strict=False):
+        assert (edge.first, edge.second) == (before, k)
+        usual = ba._chain.edges_to(np.array([1]))[0].information
+        np.testing.assert_allclose(edge.information, usual / (k - before))
+    over = {(e.first, e.second) for e in ba._edges if e.second - e.first == gap}
+    assert over == {(k - gap, k) for k in kept.tolist() if k - gap in set(kept.tolist())}
