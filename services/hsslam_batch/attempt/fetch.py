@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_batch.plan.find_logs import names_beside, planned_files
+from hsslam_batch.plan.listing import Listing
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.read_batch import read_batch
 from hsslam_batch.plan.remote_listing import asked_listing, open_store
@@ -53,6 +54,8 @@ def remove_fetched(folder: Path) -> None:
 def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -> None:
     """Fetch all files of a log, and those beside it that it may need, except what is already complete.
 
+    At the end it lists the log again: parts of a log that changes meanwhile may be of two versions.
+
     Raises:
         UserError: the log is larger than `most_gb`, or has changed since the plan.
         RefusedError: this user may not read the log.
@@ -64,9 +67,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
         )
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder, patience_s):
-        with _refusal(log.place):
-            listing = asked_listing(log.place, patience_s=patience_s)
-        files = planned_files(listing, log)
+        listing, files = _planned(log, patience_s)
         store, _ = open_store(log.place)
         base = folder if listing.alone else fetched_place(folder, log)
         with ThreadPoolExecutor(_AT_ONCE) as pool:
@@ -85,6 +86,20 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
                 one.result()
         for url, nbytes in _files_beside(log, store, patience_s):
             _fetch_file(store, url, folder / url.rpartition("/")[2], nbytes, patience_s)
+        _planned(log, patience_s)
+
+
+def _planned(log: Log, patience_s: float) -> tuple[Listing, list[str]]:
+    """The listing of a log in its store now, and the names of its files in it.
+
+    Raises:
+        UserError: the log has changed since the plan.
+        RefusedError: this user may not list it.
+        OSError: the store fails at every try in `patience_s`.
+    """
+    with _refusal(log.place):
+        listing = asked_listing(log.place, patience_s=patience_s)
+    return listing, planned_files(listing, log)
 
 
 def _files_beside(log: Log, store: Any, patience_s: float) -> Iterator[tuple[str, int]]:

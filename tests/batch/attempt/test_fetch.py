@@ -195,6 +195,26 @@ def test_a_fetch_goes_on_where_it_ended(store, tmp_path: Path, monkeypatch):
     assert [asked for _, asked in faults.ranges] == ["bytes=150000-249999", "bytes=250000-255999"]
 
 
+def test_a_log_that_changes_while_it_is_fetched_is_bad_input(store, tmp_path: Path, monkeypatch):
+    """Its size stays, so that all parts come; they are of two versions."""
+    client, look_at, url = store
+    client.put_object(Bucket=BUCKET, Key="growing/walk.mcap", Body=b"a" * 30_000)
+    (log,) = find_logs(list_url(f"s3://{BUCKET}/growing"))
+    monkeypatch.setattr(fetch, "_PART_BYTES", 10_000)
+
+    class Changing(Faults):
+        def next(self) -> str:
+            if len(self.ranges) == 1:
+                client.put_object(Bucket=BUCKET, Key="growing/walk.mcap", Body=b"b" * 30_000)
+            return super().next()
+
+    with faulty(url, changing := Changing(every=1000)) as address:
+        look_at(address)
+        with pytest.raises(UserError, match=r"walk\.mcap: has changed since the plan"):
+            fetch_log(log, tmp_path, most_gb=1.0)
+    assert len(changing.ranges) == 3
+
+
 def test_what_is_not_as_planned_or_too_large_is_one_line(store, tmp_path: Path):
     client, _, _ = store
     log = _logs()["loose.mcap"]
