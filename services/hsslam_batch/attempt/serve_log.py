@@ -28,7 +28,7 @@ from hsslam_batch.attempt.local_log import expect_unchanged
 from hsslam_batch.attempt.outcome import NOT_EVALUATED, Outcome, figures, may_try_again
 from hsslam_batch.attempt.room import SmallDiskError, room_for
 from hsslam_batch.attempt.watched_process import End, Limits, watch
-from hsslam_batch.plan.batch import Batch, UnavailableError
+from hsslam_batch.plan.batch import FETCHED, Batch, UnavailableError
 from hsslam_batch.plan.find_logs import on_this_machine
 from hsslam_batch.plan.folder_size import folder_nbytes
 from hsslam_batch.plan.listing import ClosedError
@@ -88,7 +88,7 @@ class Place:
 def place_of(batch: Batch, log: Log, terms: Terms) -> Place:
     """The folders of an attempt, which has its folder for itself: two may run at once, as if a job is queued
     again. All attempts at a log fetch into one folder, which no other batch uses."""
-    fetched = (terms.scratch or batch.work) / f"{batch.key}.{log.id}.log"
+    fetched = (terms.scratch or batch.work) / f"{batch.key}.{log.id}{FETCHED}"
     return Place(batch.work / f"{log.id}.{terms.attempt}.{secrets.token_hex(4)}", fetched)
 
 
@@ -142,6 +142,7 @@ def _attempt(
             kind = "crash" if isinstance(error, SmallDiskError) else "unavailable"
             return _outcome(batch, log, terms, _UNAVAILABLE, kind=kind, reason=reason)
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
+        room.is_kept = terms.attempt <= terms.retries  # if it is cancelled
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
         kind, reason = judged(end, terms.limits, last_words(place.output), _FETCH_CODES)
@@ -151,6 +152,7 @@ def _attempt(
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
             room.is_kept = may_try_again(outcome, terms.retries)
             return outcome
+        room.is_kept = False
         here = on_this_machine(log, str(fetched_place(place.fetched, log)))
     else:
         try:

@@ -65,7 +65,7 @@ def _run_all(options: RunOptions) -> int:
     over = [outcome for index, outcome in found.items() if outcome and index not in open_logs]
     tally = Tally(logs, over)
     with _owned(batch, logs):
-        clear_work(batch)
+        clear_work(batch, but_fetched=True)
         stopped = _run(batch, logs, waiting, tally, options)
         settle_files(batch, logs)
         write_runs(batch, logs)

@@ -8,6 +8,7 @@ OUT/rrd/ID.rrd          its recording for rerun; further parts are in OUT/rrd.1/
 OUT/failed/ID.json      the row of a log that has no result
 OUT/ray.log             what Ray prints while the batch runs
 OUT/.work/ID.N.RANDOM/  the N-th attempt at a log, while it runs
+OUT/.work/BATCH.ID.log/ a log of a store, from its fetch to the end of its run
 
 If OUT is in a store, each machine has a folder with a copy of the plan and the attempts that run there.
 """
@@ -35,6 +36,8 @@ from hsslam_services.run.config_file import CONFIG_FILE, config_text
 from hsslam_services.run.options import ServeOptions
 
 DONE = "_DONE.json"
+FETCHED = ".log"
+"""End of the names of folders for fetched logs."""
 _DIGEST_BYTES = 8
 
 

@@ -52,13 +52,14 @@ def test_a_fetch_is_kept_for_an_attempt_that_may_follow(tmp_path: Path):
         assert serve_log(batch, log, terms).kind == "timeout"
         assert folder.exists() == is_kept
     readable, writable = os.pipe()
-    os.close(writable)
-    terms = Terms(1, 2, Limits(), tmp_path / "scratch")
-    folder = _begin(batch, log, terms)
-    with pytest.raises(CancelledError):
-        serve_log(batch, log, terms, cancel_fds=[readable])
+    os.close(writable)  # as of a worker that died
+    for attempt, retries, is_kept in ((1, 2, True), (3, 2, False), (1, 0, False)):
+        terms = Terms(attempt, retries, Limits(), tmp_path / "scratch")
+        folder = _begin(batch, log, terms)
+        with pytest.raises(CancelledError):
+            serve_log(batch, log, terms, cancel_fds=[readable])
+        assert folder.exists() == is_kept
     os.close(readable)
-    assert not folder.exists()
 
 
 def test_bad_input_leaves_nothing_and_no_batch_takes_the_fetch_of_another(tmp_path: Path):

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from hsslam_batch.attempt.commit import commit, settled
+from hsslam_batch.attempt.serve_log import Terms, place_of
 from hsslam_batch.cluster.work_folder import clear_work
+from hsslam_batch.plan.log import read_manifest
 from tests.batch.outcomes import outcome, planned, run_folder
 
 
@@ -33,3 +35,15 @@ def test_an_attempt_that_still_lives_finds_no_part_of_its_run_folder(
     assert len(refused) == 1 and settled(batch, "id0") is None
     assert not batch.work.exists()
     clear_work(batch)  # there is nothing
+
+
+def test_a_run_starts_with_the_downloaded_parts_and_leaves_none(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    run_folder(batch, 0)
+    part = place_of(batch, read_manifest(batch.out)[1], Terms()).fetched / ".log1.partial"
+    part.parent.mkdir()
+    part.touch()
+    clear_work(batch, but_fetched=True)
+    assert list(batch.work.iterdir()) == [part.parent] and part.exists()
+    clear_work(batch)
+    assert not batch.work.exists()
