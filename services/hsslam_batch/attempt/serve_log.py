@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 
+from hsslam_batch.attempt.claim import held_claim, remove_ended
 from hsslam_batch.attempt.commit import commit, settle_failed
 from hsslam_batch.attempt.fetch import REFUSED, fetched_place
 from hsslam_batch.attempt.judgement import (
@@ -101,24 +102,28 @@ def serve_log(
 ) -> Outcome:
     """Run a log and commit the outcome; `on_frames` gets the number of frames that are done.
 
+    First removes what killed attempts have left on this machine.
+
     Raises:
         CancelledError: one of `cancel_fds` became readable before the end.
         OSError: the folder of the batch cannot be written.
     """
+    for folder in {*batch.works(), terms.scratch or batch.work}:
+        remove_ended(folder)
     place = place_of(batch, log, terms)
-    place.folder.mkdir(parents=True)
-    try:
-        with contextlib.ExitStack() as at_end:
-            started_ns = time.time_ns()
-            outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames, at_end)
-            outcome = msgspec.structs.replace(outcome, started_ns=started_ns)
-        if outcome.is_done:
-            commit(batch, outcome, place.run_dir)
-        else:
-            settle_failed(batch, outcome)
-        return outcome
-    finally:
-        shutil.rmtree(place.folder, ignore_errors=True)
+    with held_claim(place.folder):
+        try:
+            with contextlib.ExitStack() as at_end:
+                started_ns = time.time_ns()
+                outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames, at_end)
+                outcome = msgspec.structs.replace(outcome, started_ns=started_ns)
+            if outcome.is_done:
+                commit(batch, outcome, place.run_dir)
+            else:
+                settle_failed(batch, outcome)
+            return outcome
+        finally:
+            shutil.rmtree(place.folder, ignore_errors=True)
 
 
 def _attempt(

@@ -113,6 +113,10 @@ class Batch:
         """Folder of running attempts."""
         return self.out / ".work"
 
+    def works(self) -> Iterator[Path]:
+        """This folder; with results in a store also those of all other such batches on this machine."""
+        return self.out.parent.glob(f"*/{self.work.name}") if self.url else iter([self.work])
+
     def run_dir(self, log_id: str) -> Path:
         """The run folder of a log, once it is done."""
         return self.out / "runs" / log_id

@@ -1,0 +1,104 @@
+"""The claim of an attempt on a folder of this machine: a file that it locks as long as it lives.
+
+Other attempts so know which folders they may remove. File systems without locks keep all folders.
+"""
+
+import contextlib
+import fcntl
+import os
+import platform
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from hsslam_batch.attempt.fetch import remove_fetched
+
+_CLAIM = ".claim"  # bytes that the folder may take, and the name of the machine
+_UNUSED_S = 3600.0  # a next attempt may continue from what was fetched
+
+
+@contextlib.contextmanager
+def held_claim(folder: Path) -> Iterator[int]:
+    """Make a folder and hold its claim in the block, with 0 bytes at first; gives the descriptor of its file.
+
+    Attempts at the same log may hold it at once.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with locked(folder.parent):
+        folder.mkdir(exist_ok=True)
+        stream = (folder / _CLAIM).open("ab")
+        if is_alone(stream.fileno()):
+            write_claim(stream.fileno(), 0)
+        with contextlib.suppress(OSError):
+            fcntl.flock(stream, fcntl.LOCK_SH)
+    with stream:
+        yield stream.fileno()
+
+
+def write_claim(claim_fd: int, nbytes: int) -> None:
+    """Write how many bytes the folder may take."""
+    os.truncate(claim_fd, 0)
+    os.write(claim_fd, b"%d %s" % (nbytes, _here()))
+
+
+def is_alone(claim_fd: int) -> bool:
+    """Whether no other attempt holds the claim; true on a file system without locks."""
+    try:
+        fcntl.flock(claim_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def held_claims(parent: Path) -> Iterator[tuple[Path, int]]:
+    """The folders in a folder whose attempts live, and the bytes that each may take."""
+    for claim in parent.glob(f"*/{_CLAIM}"):
+        with contextlib.suppress(OSError), claim.open("rb") as stream:  # it may be gone
+            if not is_alone(stream.fileno()):
+                yield claim.parent, int(stream.read().partition(b" ")[0] or 0)
+
+
+def remove_ended(parent: Path, unused_s: float = _UNUSED_S) -> bool:
+    """Remove the folders in a folder whose attempts have ended on this machine, except those in which
+    something has changed in the last `unused_s` seconds; returns whether it has removed any."""
+    is_any = False
+    with contextlib.suppress(OSError), locked(parent):
+        for claim in parent.glob(f"*/{_CLAIM}"):
+            with contextlib.suppress(OSError), claim.open("rb+") as stream:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # OSError: it lives
+                is_of_here = stream.read().partition(b" ")[2] == _here()
+                if is_of_here and time.time() - _changed_s(claim.parent) >= unused_s:
+                    remove_fetched(claim.parent)
+                    is_any |= not claim.exists()
+    return is_any
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Lock a folder of such folders in the block; without effect on a file system without locks.
+
+    Raises:
+        OSError: the folder is missing.
+    """
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(fd, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(fd)
+
+
+def _here() -> bytes:
+    """The name of this machine."""
+    return os.fsencode(platform.node())
+
+
+def _changed_s(folder: Path) -> float:
+    """When something below a folder last changed, s since 1970."""
+    return max(path.stat().st_mtime for path in folder.rglob("*"))

@@ -1,0 +1,73 @@
+"""What killed attempts have left on a machine goes with the next attempt; living attempts keep theirs."""
+
+import dataclasses
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.claim import held_claim, remove_ended
+from hsslam_batch.attempt.serve_log import Terms, serve_log
+from hsslam_batch.plan import tried
+from hsslam_batch.plan.log import read_manifest
+from tests.batch.object_store import reach
+from tests.batch.outcomes import planned
+
+_HOLD = """
+import sys
+from pathlib import Path
+from hsslam_batch.attempt.claim import held_claim
+with held_claim(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def _left(folder: Path) -> Path:
+    """A folder of an attempt that was killed two hours ago."""
+    with held_claim(folder):
+        (folder / "run").mkdir()
+        (folder / "run" / "run.mcap").touch()
+    past_s = time.time() - 7200
+    for path in folder.rglob("*"):
+        os.utime(path, (past_s, past_s))
+    return folder
+
+
+def test_a_folder_goes_once_its_attempt_has_died(tmp_path: Path):
+    folder = tmp_path / "id0.1.0123"
+    command = [sys.executable, "-c", _HOLD, folder]
+    attempt = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert attempt.stdout and attempt.stdout.readline() == b"held\n"
+    assert not remove_ended(tmp_path, unused_s=0.0) and folder.exists()
+    attempt.kill()
+    attempt.communicate()
+    assert not remove_ended(tmp_path) and folder.exists()  # a next attempt may go on with it
+    assert remove_ended(tmp_path, unused_s=0.0) and not folder.exists()
+
+
+def test_folders_of_other_machines_and_of_no_attempt_stay(tmp_path: Path, monkeypatch):
+    (tmp_path / "of-the-user").mkdir()
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(platform, "node", lambda: "another")
+        _left(tmp_path / "id0.1.0123")
+    assert not remove_ended(tmp_path) and len(list(tmp_path.iterdir())) == 2
+
+
+def test_an_attempt_removes_what_killed_ones_have_left_on_its_machine(tmp_path: Path, monkeypatch):
+    """Those of other batches, too, if results go to a store: no `run` may come there that does it."""
+    batch, scratch = planned(tmp_path / "cache" / "a"), tmp_path / "scratch"
+    other = tmp_path / "cache" / "b" / batch.work.name
+    left = [_left(parent / "id0.1.0123") for parent in (batch.work, other, scratch)]
+    log = read_manifest(batch.out)[0]
+    assert serve_log(batch, log, Terms(scratch=scratch)).kind == "crash"
+    assert [folder.exists() for folder in left] == [False, True, False]
+    reach("http://127.0.0.1:9", monkeypatch)
+    monkeypatch.setattr(tried, "_FIRST_WAIT_S", 0.01)
+    with pytest.raises(OSError, match="Could not connect"):
+        serve_log(dataclasses.replace(batch, url="s3://fleet/a"), log, Terms())
+    assert not other.exists() or not list(other.iterdir())
