@@ -119,8 +119,8 @@ class RunOptions:
     """Runs all logs of a batch that are left, on this machine or on a Ray cluster.
 
     Each log is a run of hsslam-serve. The command tries a log again after a crash or a lost machine, once
-    after a time-out, never after bad input or too little memory. Ctrl-C lets running logs finish; a second
-    Ctrl-C stops them now. The same command resumes the batch.
+    after a time-out, never after bad input or if the run used more than --memory. Ctrl-C lets running logs
+    finish; a second Ctrl-C stops them now. The same command resumes the batch.
 
     Exit codes: 0 if all logs are done, 1 while some are left, else 3 if some failed, 2 if the input is bad.
 

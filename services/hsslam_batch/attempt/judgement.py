@@ -98,6 +98,14 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
     return "done", ""
 
 
+def judged_with_kills(kind: Kind, reason: str, end: End) -> tuple[Kind, str]:
+    """The same kind and reason, but `out of memory` for a crash while the kernel killed processes."""
+    if kind == "crash" and end.oom_kills:
+        killed = "a process" if end.oom_kills == 1 else f"{end.oom_kills} processes"
+        return "out of memory", f"{reason}; the kernel killed {killed}: expected more --memory"
+    return kind, reason
+
+
 def _of_camera(summary: dict[str, Any]) -> dict[str, int]:
     """The counters of the camera of a run."""
     return summary.get("processes", {}).get("camera", {}).get("counters", {})

@@ -6,15 +6,18 @@ from typing import Any, Literal
 
 import msgspec
 
-Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost", "unavailable"]
+Kind = Literal[
+    "done", "bad input", "crash", "timeout", "memory", "out of memory", "lost", "unavailable"
+]
 
 
 class Outcome(msgspec.Struct, frozen=True):
     """One attempt; the last attempt at a log is its row in `runs.parquet`. None: not known.
 
     `reason`: one line if it failed. `kind`: `bad input` (exit code 2), `crash` (another code or a signal),
-    `timeout`, `memory` (it used more than the limit), `lost` (its machine or worker died), `unavailable` (a
-    store or a disk failed, so that the log could not be fetched or its result not written).
+    `timeout`, `memory` (it used more than the limit), `out of memory` (its machine had none left),
+    `lost` (its machine or worker died), `unavailable` (a store or a disk failed, so that the log could not be
+    fetched or its result not written).
     """
 
     id: str
@@ -91,10 +94,11 @@ Line = Frames | Ended | Refused | Unavailable
 def may_try_again(outcome: Outcome, retries: int) -> bool:
     """Whether a failed log gets one more attempt; `retries`: most attempts after the first.
 
-    Bad input and too little memory fail again, so they get none; a time-out gets one.
+    Bad input and a run above its limit of memory fail again, so they get none; a time-out gets one.
     """
     most = {
         "crash": retries,
+        "out of memory": retries,
         "lost": retries,
         "unavailable": retries,
         "timeout": min(1, retries),

@@ -20,6 +20,7 @@ from hsslam_batch.attempt.fetch import REFUSED, fetched_place
 from hsslam_batch.attempt.judgement import (
     judged,
     judged_frames,
+    judged_with_kills,
     kind_of_error,
     last_words,
     selected_frames,
@@ -188,6 +189,7 @@ def _attempt(
             kind, reason = judged_frames(summary, expected)
             if kind == "done" and (why := summary.get("not_evaluated")):
                 reason = f"{NOT_EVALUATED}{why}"
+    kind, reason = judged_with_kills(kind, reason, end)
     found = figures(summary) | {"nbytes": folder_nbytes(run_dir)}
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 

@@ -21,7 +21,7 @@ import psutil
 
 from hsslam_services.bus.dead_pools import pools_of
 from hsslam_services.launch.parent_death import adopt_orphans, die_with_parent
-from hsslam_services.run.memory import read_pss_mb
+from hsslam_services.run.memory import oom_kills, read_pss_mb
 from hsslam_services.run.stop_signals import ONE_REQUEST_S
 
 _LOOK_S = 1.0
@@ -49,13 +49,17 @@ class Limits:
 
 @dataclass(frozen=True)
 class End:
-    """How a command ended. `why`: the reason to end it; empty if it ended by itself."""
+    """How a command ended. `why`: the reason to end it; empty if it ended by itself.
+
+    `oom_kills`: how many processes of the machine the kernel has killed meanwhile for lack of memory.
+    """
 
     code: int
     why: Why
     wall_s: float
     core_s: float
     memory_mb: int
+    oom_kills: int = 0
 
 
 def watch(
@@ -70,7 +74,7 @@ def watch(
     The command is ended when one of `cancel_fds` becomes readable or closes. `look` is called once a second.
     """
     adopt_orphans()
-    start_s, core_s = time.monotonic(), _core_s()
+    start_s, core_s, kills = time.monotonic(), _core_s(), oom_kills()
     with output.open("wb") as stream:
         process = subprocess.Popen(
             command,
@@ -103,7 +107,7 @@ def watch(
             pool.unlink(missing_ok=True)
     wall_s = time.monotonic() - start_s
     code = -signal.SIGKILL if process.returncode is None else process.returncode
-    return End(code, why, wall_s, _core_s() - core_s, memory.peak_mb)
+    return End(code, why, wall_s, _core_s() - core_s, memory.peak_mb, oom_kills() - kills)
 
 
 class _Memory:

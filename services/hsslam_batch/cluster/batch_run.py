@@ -8,7 +8,7 @@ from typing import Protocol
 import msgspec
 
 from hsslam_batch.attempt.commit import settle_failed, settled
-from hsslam_batch.attempt.outcome import Outcome, may_try_again
+from hsslam_batch.attempt.outcome import Kind, Outcome, may_try_again
 from hsslam_batch.cluster.board import Running
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
@@ -120,7 +120,7 @@ class BatchRun:
             configuration=self.batch.about.configuration,
             attempt=one.attempt,
             retries=self.retries,
-            kind="unavailable" if result.is_unavailable else "lost" if result.is_lost else "crash",
+            kind=_kind(result),
             reason=result.trouble,
             code=self.batch.about.code,
             started_ns=time.time_ns(),
@@ -133,6 +133,15 @@ class BatchRun:
         except OSError as error:
             reason = f"{result.trouble}; not written: {error.strerror or error}"
             return msgspec.structs.replace(outcome, kind="unavailable", reason=reason)
+
+
+def _kind(result: TaskResult) -> Kind:
+    """The kind of an attempt that has not written its outcome."""
+    if result.is_unavailable:
+        return "unavailable"
+    if result.is_out_of_memory:
+        return "out of memory"
+    return "lost" if result.is_lost else "crash"
 
 
 def work_words(batch: Batch, logs: Sequence[Log], options: RunOptions, one: Try) -> list[str]:

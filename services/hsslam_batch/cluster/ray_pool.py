@@ -19,10 +19,11 @@ from hsslam_node.errors import UserError
 _AHEAD = 2  # submitted tasks a slot, so that the next is ready when one ends
 _COUNT_EVERY_S = 5.0
 _ANSWER_S = 10.0
+_OUT_OF_MEMORY = "OutOfMemoryError"
 _LOST = {
     "WorkerCrashedError": "its worker process died",
     "NodeDiedError": "its node died",
-    "OutOfMemoryError": "its node ran out of memory, and Ray killed it",
+    _OUT_OF_MEMORY: "its node ran out of memory, and Ray killed it: expected more --memory",
 }
 
 
@@ -124,16 +125,21 @@ class RayPool:
         except RayTaskError as error:
             if isinstance(error.cause, ActorDiedError):  # no log can start without it
                 return TaskResult(trouble="the board of the batch died", is_begun=False)
-            trouble, is_lost = f"task failed: {error.cause!r}", False
+            trouble, kind = f"task failed: {error.cause!r}", ""
         except TaskCancelledError:
             return TaskResult(is_begun=False)
         except RayError as error:
             kind = type(error).__name__
-            trouble, is_lost = _LOST.get(kind, kind), True
+            trouble = _LOST.get(kind, kind)
         node_id: Any = ""
         with contextlib.suppress(RayError):
             node_id = ray.get(ended, timeout=_ANSWER_S)
-        return TaskResult(trouble=trouble, is_lost=is_lost, node_id=node_id)
+        return TaskResult(
+            trouble=trouble,
+            is_lost=bool(kind),
+            is_out_of_memory=kind == _OUT_OF_MEMORY,
+            node_id=node_id,
+        )
 
     def _placed(self, strategy: Any) -> Any:
         """The task with its cores, memory and placement."""

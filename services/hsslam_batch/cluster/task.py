@@ -19,13 +19,15 @@ class TaskResult(msgspec.Struct, frozen=True):
     """The result of a task: an outcome, or why there is none.
 
     `is_begun`: False if the batch is stopping, or if the command refused the log (`trouble`). `is_lost`: its
-    worker or machine died. `is_unavailable`: folder or store of the batch failed. `node_id`: Ray's id.
+    worker or machine died, `is_out_of_memory`: as Ray killed it. `is_unavailable`: folder or store of the
+    batch failed. `node_id`: Ray's id.
     """
 
     outcome: Outcome | None = None
     trouble: str = ""
     is_begun: bool = True
     is_lost: bool = False
+    is_out_of_memory: bool = False
     is_unavailable: bool = False
     node_id: str = ""
 

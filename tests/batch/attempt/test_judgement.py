@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_batch.attempt.judgement import judged, judged_frames, last_words
+from hsslam_batch.attempt.judgement import (
+    judged,
+    judged_frames,
+    judged_with_kills,
+    last_words,
+)
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY
@@ -55,6 +60,17 @@ def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict,
     frames = {"in": 20, "tracked": 20}
     kind, told = judged_frames({"frames": frames, **section}, 20)
     assert (kind == "crash") == bool(reason) and told.startswith(reason)
+
+
+def test_a_crash_while_the_kernel_kills_processes_is_lack_of_memory():
+    killed = End(code=-9, why="", wall_s=1.0, core_s=1.0, memory_mb=100, oom_kills=1)
+    kind, reason = judged_with_kills(*judged(killed, Limits(), "frame 3"), killed)
+    assert kind == "out of memory"
+    said = "killed by SIGKILL; frame 3; the kernel killed a process: expected more --memory"
+    assert reason == said
+    quiet = End(code=-9, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
+    assert judged_with_kills("crash", "a reason", quiet) == ("crash", "a reason")
+    assert judged_with_kills("bad input", "no log", killed) == ("bad input", "no log")
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,20 @@ def test_attempts_become_rows_or_other_attempts(tmp_path: Path, capfd: pytest.Ca
     assert lines[2]["reason"] == "its node died" and lines[-1]["left"] == 0
 
 
+def test_a_log_whose_node_has_no_memory_left_is_tried_again_and_has_a_kind_of_its_own(
+    tmp_path: Path,
+):
+    batch = planned(tmp_path / "out")
+    run = _run(batch, Board())
+    killed = TaskResult(
+        trouble="Ray killed it", is_lost=True, is_out_of_memory=True, node_id="node1"
+    )
+    assert run.judge(Try(1), killed) == Try(1, 2, not_on="node1")
+    assert run.judge(Try(1, 2), killed) is None
+    row = settled(batch, "id1")
+    assert row and (row.kind, row.attempt) == ("out of memory", 2)
+
+
 def test_a_worker_that_died_after_its_commit_has_done_the_log(tmp_path: Path):
     batch = planned(tmp_path / "out")
     commit(batch, outcome(batch, 0), run_folder(batch, 0))
