@@ -117,7 +117,7 @@ def all_settled(batch: Batch, logs: Sequence[Log]) -> dict[str, Outcome]:
     ids = [log.id for log in logs]
     with batch.expect_writable():
         if batch.store is not None:
-            return store_results.settled(batch, batch.store, ids)
+            return store_results.all_settled(batch, batch.store, ids)
         return {log_id: row for log_id in ids if (row := settled(batch, log_id))}
 
 

@@ -82,20 +82,37 @@ def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:
         store.write(batch.name(batch.failed_file(outcome.id)), encoded(outcome))
 
 
-def settled(batch: Batch, store: Store, ids: Iterable[str]) -> dict[str, Outcome]:
+def settled(batch: Batch, store: Store, ids: Collection[str]) -> dict[str, Outcome]:
     """The rows of logs under the current configuration, by id; logs without a row are left out.
 
     Raises:
         OSError: the store fails.
     """
-    done = {batch.name(batch.done_file(log_id)): log_id for log_id in ids}
-    found = _rows(batch, store, done, StoredOutcome)
-    failed = {
-        batch.name(batch.failed_file(log_id)): log_id
-        for log_id in done.values()
-        if log_id not in found
+    return _settled(batch, store, ids, ids)
+
+
+def all_settled(batch: Batch, store: Store, ids: Collection[str]) -> dict[str, Outcome]:
+    """The same for all logs of a batch: two listings say which of them can have a row, and it reads no other.
+
+    Raises:
+        OSError: the store fails.
+    """
+    begun = {*store.folders(batch.name(batch.run_dir("any").parent))}
+    names = store.sizes(batch.name(batch.failed_file("any").parent))
+    failed = {name.removesuffix(".json") for name in names}
+    return _settled(batch, store, begun.intersection(ids), failed.intersection(ids))
+
+
+def _settled(
+    batch: Batch, store: Store, begun: Iterable[str], failed: Iterable[str]
+) -> dict[str, Outcome]:
+    """The rows of the logs that have a run folder, and of those that have failed and have no result."""
+    done_files = {batch.name(batch.done_file(log_id)): log_id for log_id in begun}
+    found = _rows(batch, store, done_files, StoredOutcome)
+    failed_files = {
+        batch.name(batch.failed_file(log_id)): log_id for log_id in failed if log_id not in found
     }
-    return _rows(batch, store, failed, Outcome) | found
+    return _rows(batch, store, failed_files, Outcome) | found
 
 
 def _rows(

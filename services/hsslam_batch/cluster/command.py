@@ -54,7 +54,9 @@ def _run_all(options: RunOptions) -> int:
     if not waiting:
         with _owned(batch, logs):
             settle_files(batch, logs)
-            if batch.url or not is_current(batch):  # `work` may have run a log since
+            if batch.url:
+                write_runs(batch, logs, rows)
+            elif not is_current(batch):  # `work` may have run a log since
                 write_runs(batch, logs)
         tally = Tally(logs, filter(None, found.values()))
         _write_metrics(options.metrics_file, batch, tally)

@@ -34,14 +34,15 @@ class Store:
         return self._tried(name, lambda: self._files.cat_file(self._path(name)))
 
     def read_all(self, names: Iterable[str]) -> dict[str, bytes]:
-        """The contents of the files that exist, by name; reads many at once."""
+        """The contents of the files that exist, by name; none of them may be empty. Reads many at once."""
         left = {self._path(name): name for name in names}
         found: dict[str, bytes] = {}
 
         def read_left() -> None:
-            paths, all_of = list(left), [None] * len(left)
-            failure = None
-            answers = self._files.cat_ranges(paths, all_of, all_of, on_error="return")
+            paths, failure = list(left), None
+            # with a range, as s3fs else asks for the size of each file first
+            firsts, ends = [0] * len(left), [None] * len(left)
+            answers = self._files.cat_ranges(paths, firsts, ends, on_error="return")
             for path, answer in zip(paths, answers, strict=True):
                 if isinstance(answer, bytes):
                     found[left.pop(path)] = answer

@@ -34,17 +34,21 @@ class NoTableError(UserError):
     """The table of a batch is missing, not readable or another table."""
 
 
-def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
+def write_runs(
+    batch: Batch, logs: Sequence[Log], settled: Mapping[str, Outcome] | None = None
+) -> Path:
     """Write the table of all logs that are done or failed; paths are relative to the folder of the batch.
 
-    A log that is left, as `status` counts it, has no row.
+    A log that is left, as `status` counts it, has no row. `settled`: `all_settled` (None: reads it).
 
     Raises:
         OSError: the folder or the store is not writable.
         UserError: the store is not readable.
     """
     newest_ns = _newest_ns(batch)
-    _write(batch, _rows(batch, logs, all_settled(batch, logs)), newest_ns)
+    if settled is None:
+        settled = all_settled(batch, logs)
+    _write(batch, _rows(batch, logs, settled), newest_ns)
     return batch.out / RUNS
 
 

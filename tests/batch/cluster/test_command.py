@@ -19,8 +19,11 @@ from hsslam_batch.options import RunOptions
 from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch, OtherPlanError
 from hsslam_batch.plan.lock import alone
+from hsslam_batch.plan.read_batch import read_batch
+from hsslam_batch.results.runs_table import read_runs
+from hsslam_batch.results.status import status_command
 from hsslam_node.errors import UserError
-from tests.batch.object_store import BUCKET, reach
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.outcomes import outcome, planned, run_folder
 
 
@@ -42,6 +45,35 @@ def test_where_nothing_is_left_ray_is_not_started(
     assert (batch.out / "runs.parquet").exists()
     with pytest.raises(ModuleNotFoundError):
         run_command([str(batch.out), "--failed"])
+
+
+def test_the_same_again_asks_a_store_for_each_row_once(tmp_path: Path, monkeypatch, capsys):
+    """Logs without a row cost no request of their own: listings say that there is none."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    faults, url = Faults(1000, of_all=True), f"s3://{BUCKET}/out"
+    with object_store() as (server, _), faulty(server, faults) as address:
+        reach(address, monkeypatch)
+        batch = planned(tmp_path / "out", frames=(100,) * 9, url=url)
+        for k in range(2):
+            commit(batch, outcome(batch, k), run_folder(batch, k))
+        for k in range(2, 4):
+            settle_failed(batch, outcome(batch, k, "bad input"))
+        faults.ranges.clear()
+        assert status_command([url]) == 1
+        assert _rows_asked_for(faults) == ["id0", "id1", "id2", "id3"]
+        planned(tmp_path / "out", frames=(100,) * 4, url=url)
+        faults.ranges.clear()
+        assert run_command([url]) == 3
+        assert _rows_asked_for(faults) == ["id0", "id1", "id2", "id3"]
+        assert len(read_runs(read_batch(url).out)) == 4
+    assert "2 done, 2 failed, 0 left" in capsys.readouterr().out
+
+
+def _rows_asked_for(faults: Faults) -> list[str]:
+    """The id of the log for each request for a row, sorted."""
+    names = [Path(path.partition("?")[0]) for path, _ in faults.ranges]
+    done = [name.parent.name for name in names if name.name == "_DONE.json"]
+    return sorted(done + [name.stem for name in names if name.parent.name == "failed"])
 
 
 def test_an_attempt_that_the_stopped_command_owed_is_made(tmp_path: Path):
