@@ -67,7 +67,8 @@ class PoseLog:
 
     Args:
         arrays: hold the rows, in slabs.
-        on_full: takes the name of a slab that is full, which nothing writes any more.
+        on_full: takes the name of a slab that is full, which nothing writes any more; `append` does not read
+            it again, so it may move to a disk that is slow or hangs.
     """
 
     def __init__(
@@ -85,8 +86,8 @@ class PoseLog:
         self._noted_at = {
             int(self._row(n - 1)["publisher"]): k for k, n in enumerate(self._newest.tolist()) if n
         }
-        for k in range(self.count // SLAB_ROWS):
-            self._tell_full(k)
+        self._told = 0  # full slabs
+        self._tell_full((self.count - 1) // SLAB_ROWS)
 
     @property
     def count(self) -> int:
@@ -115,6 +116,7 @@ class PoseLog:
         n = self.count
         if n:
             self._note(n)
+            self._tell_full(n // SLAB_ROWS)
         try:
             self._slab(n // SLAB_ROWS)[n % SLAB_ROWS] = row
         except OutOfMemoryError:
@@ -125,7 +127,6 @@ class PoseLog:
         store_ordered(self._header, _COUNT, n + 1)
         if (n + 1) % SLAB_ROWS == 0:
             self._slabs.pop(n // SLAB_ROWS, None)
-            self._tell_full(n // SLAB_ROWS)
         if n % _RESERVE_EVERY == 0:  # early, while there is some; else another time
             with contextlib.suppress(OutOfMemoryError):
                 self._slab((n + SLAB_ROWS // 2) // SLAB_ROWS)
@@ -225,9 +226,12 @@ class PoseLog:
         """Whether an array of this name belongs to a pose log."""
         return name in (_HEADER, _NEWEST, _JOINS) or name.startswith((_SLAB, _JOIN))
 
-    def _tell_full(self, k: int) -> None:
-        if self._on_full is not None:
-            self._on_full(_slab_name(k))
+    def _tell_full(self, slabs: int) -> None:
+        """Tell of the first slabs, once of each: they are full, and their rows noted."""
+        for k in range(self._told, slabs):
+            self._told = k + 1
+            if self._on_full is not None:
+                self._on_full(_slab_name(k))
 
     def _note(self, n: int) -> None:
         """Note the last of n rows. All rows but the last are noted, whenever the writer dies."""

@@ -1,5 +1,6 @@
 """Full rows of poses lie on the disk: every process reads them as before, and the end removes them."""
 
+import shutil
 import threading
 from pathlib import Path
 
@@ -169,3 +170,18 @@ def test_poses_that_the_disk_does_not_give_are_lost_and_all_others_are_read(
     assert why in log.unreadable and f": {SLAB_ROWS} poses cannot be read" in log.unreadable
     assert log.unreadable.startswith(str(link.readlink()))
     assert log.rows_of_epoch(0) == range(3 * SLAB_ROWS + 5)
+
+
+def test_the_writer_opens_no_rows_that_lie_on_the_disk(folder, tmp_path):
+    """The disk hangs or is gone: here its files are, as soon as it has them."""
+    arena = Arena(folder.path)
+    disk = disk_folder(tmp_path / "run", folder.path)
+
+    def move(name: str) -> None:
+        arena.move_to_disk(name, disk)
+        shutil.rmtree(disk)
+
+    log = PoseLog(arena, move)
+    for index in range(2 * SLAB_ROWS + 1):
+        assert log.append(_row(index))
+    assert not disk.exists() and (folder.path / "pose_log.001.bin").is_symlink()
