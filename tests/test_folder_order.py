@@ -15,7 +15,12 @@ from tests.repository import ROOT
 _FLOORS = (
     ("hsslam_node",),
     ("hsslam_proto",),
-    ("hsslam_services.security", "hsslam_services.arena", "hsslam_services.governor"),
+    (
+        "hsslam_services.security",
+        "hsslam_services.arena",
+        "hsslam_services.governor",
+        "hsslam_services.disk",
+    ),
     ("hsslam_services.run",),
     ("hsslam_services.artefacts",),
     ("hsslam_services.bus",),

@@ -41,6 +41,8 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
     yield _gauge("pose_rate_hertz", "Poses per second over the last seconds", run.fps)
     text = "Seconds in which frames came without a pose"
     yield _gauge("silence_seconds", text, snapshot.silent_s)
+    text = "Seconds in which the disk of the run folder did not answer"
+    yield _gauge("disk_silence_seconds", text, snapshot.disk_silent_s)
     if (age_s := snapshot.pose_age_s) is not None:
         yield _gauge("pose_age_seconds", "Seconds since the last pose", age_s)
     buckets = [str(bound / 1e3) for bound in BOUNDS_MS] + ["+Inf"]

@@ -11,7 +11,7 @@ from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 
 _HUNG_S = 10.0  # the supervisor's loop takes 50 ms
-_SILENT_S = 5.0  # frames without a pose
+_SILENT_S = 5.0  # frames without a pose, or a disk without an answer
 _CAMERA = "camera"
 
 
@@ -30,6 +30,7 @@ class Snapshot:
     silent_s: float = 0.0  # how long frames have come without a pose
     pose_age_s: float | None = None  # since the last pose; None before the first
     certificate_days: float | None = None  # until it expires; None without `security`
+    disk_silent_s: float = 0.0  # how long the disk of the run folder has not answered
 
 
 def take_snapshot(
@@ -38,6 +39,7 @@ def take_snapshot(
     state: RunState,
     children: Mapping[str, Child],
     certificate_days: float | None = None,
+    disk_silent_s: float = 0.0,
 ) -> Snapshot:
     """Take a snapshot: copies of all data that changes."""
     now_s = time.monotonic()
@@ -51,6 +53,7 @@ def take_snapshot(
         latency_sum_ms=state.latency_bins.sum_ms,
         rejected=dict(rejected),
         certificate_days=certificate_days,
+        disk_silent_s=disk_silent_s,
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
         taken_s=now_s,
         silent_s=0.0 if status.state == "stopping" else state.silence.seconds(now_s),
@@ -61,9 +64,9 @@ def take_snapshot(
 def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[int, dict[str, Any]]:
     """HTTP status code and body. 200: all needed processes run, or the run is stopping; else 503.
 
-    `status` in the body: ok, paused, degraded (a process that is not needed is missing), stopping;
-    starting, down, hung, silent (frames, but no pose for 5 s). A camera that sends nothing is no fault of the
-    service: `pose_age_s` and `tracking` tell it.
+    `status` in the body: ok, paused, degraded (a process that is not needed is missing, or the disk of the
+    run folder has not answered for 5 s), stopping; starting, down, hung, silent (frames, but no pose for
+    5 s). A camera that sends nothing is no fault of the service: `pose_age_s` and `tracking` tell it.
     """
     if snapshot is None:
         return 503, {"status": "starting"}
@@ -80,6 +83,7 @@ def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[in
         "tracking": run.tracking,
         "fps": round(run.fps, 1),
         "silent_s": round(snapshot.silent_s, 1),
+        "disk_silent_s": round(snapshot.disk_silent_s, 1),
         "pose_age_s": None if snapshot.pose_age_s is None else round(snapshot.pose_age_s, 1),
     }
     return 503 if body["status"] in ("starting", "down", "hung", "silent") else 200, body
@@ -99,4 +103,4 @@ def _word(snapshot: Snapshot, missing: dict[str, str], age_s: float) -> str:
         return "silent"
     if run.state == "paused":
         return "paused"
-    return "degraded" if missing else "ok"
+    return "degraded" if missing or snapshot.disk_silent_s > _SILENT_S else "ok"

@@ -1,5 +1,6 @@
 """The supervisor's side of one process: start, watch, restart, stop."""
 
+import contextlib
 import signal
 import subprocess
 import time
@@ -10,6 +11,7 @@ from typing import Literal
 from hsslam_proto.run_messages import Health
 from hsslam_services.bus.dead_pools import free_pools
 from hsslam_services.bus.zenoh_session import most_pool_bytes
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.core_wait import CoreWait
 from hsslam_services.launch.process_table import ProcessSpec, process_number
 from hsslam_services.launch.restart_policy import RestartPolicy
@@ -23,7 +25,7 @@ from hsslam_services.launch.spawn import (
     spawn,
 )
 from hsslam_services.run.memory import oom_kills
-from hsslam_services.run.process_result import clear_result, read_result
+from hsslam_services.run.process_result import ProcessResult, clear_result, result_in_time
 from hsslam_services.run.stop_signals import END_SIGNAL
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
@@ -54,6 +56,7 @@ class Child:
         spawn: Spawn = spawn,
         may_pass: Callable[[], bool] = lambda: False,
         has_source_ended: Callable[[], bool] = lambda: True,
+        disk: DiskWork | None = None,
     ) -> None:
         self.spec = spec
         self.wanted = False
@@ -65,6 +68,7 @@ class Child:
         self.peak_rss_bytes = 0
         self.news: list[str] = []  # lines for the operator; the supervisor takes them
         self._run_dir = run_dir
+        self._disk = disk or DiskWork()
         self._spawn = spawn
         self._may_pass = may_pass
         self._has_source_ended = has_source_ended
@@ -126,7 +130,7 @@ class Child:
                 )
 
     def tick(self) -> None:
-        """Start, check or stop the process, as wanted; never blocks."""
+        """Start, check or stop the process, as wanted; a disk that hangs costs at most a second."""
         now = time.monotonic()
         self._forgive_own_pause(now)
         if self._process is not None and (code := self._process.poll()) is not None:
@@ -171,7 +175,8 @@ class Child:
         self._oom_kills = oom_kills()
         try:
             free_pools(process_number(self.spec.name), most_pool_bytes())
-            clear_result(self._run_dir, self.spec.name)
+            with contextlib.suppress(TimeoutError):  # then an old error may be told for a new one
+                self._disk.do(lambda: clear_result(self._run_dir, self.spec.name))
             self._process = self._spawn(self.spec.module, self._run_dir)
         except (OSError, MemoryError) as error:  # no descriptors, processes or disk space
             self._failed(not_started(error), now)
@@ -186,7 +191,8 @@ class Child:
     def _exited(self, code: int, now: float) -> None:
         self._process, self.exit_code = None, code
         is_user_error = code == _USER_ERROR
-        error = last_error(self._run_dir, self.spec.module) if is_user_error else ""
+        result = self._result() if is_user_error else ProcessResult()
+        error = last_error(result, self._run_dir, self.spec.module) if is_user_error else ""
         how = f"ended: {error}" if is_user_error else how_it_ended(code)
         if code == -signal.SIGKILL and not self._killed_s and oom_kills() > self._oom_kills:
             how += ", out of memory (in a container: --memory)"
@@ -197,7 +203,7 @@ class Child:
         elif code == 0 and self.spec.may_finish:
             self._finished_s = now
             self._confirm_end(0.0, now)
-        elif not is_user_error or self._may_come_back():
+        elif not is_user_error or self._may_come_back(result):
             self._failed(how, now)
         else:
             self.state = "failed"
@@ -212,10 +218,12 @@ class Child:
             self._finished_s = None
             self._failed("exited with code 0 before the end of its source", now)
 
-    def _may_come_back(self) -> bool:
+    def _result(self) -> ProcessResult:
+        return result_in_time(self._disk, self._run_dir, self.spec.name)
+
+    def _may_come_back(self, result: ProcessResult) -> bool:
         """Whether the cause of a user error may pass: a lack of memory or of the router, no bad input."""
-        lacks_memory = read_result(self._run_dir, self.spec.name).lacks_memory
-        return self._may_pass() and (lacks_memory or not self.spec.reads_source)
+        return self._may_pass() and (result.lacks_memory or not self.spec.reads_source)
 
     def _failed(self, how: str, now: float) -> None:
         """Schedule a restart, or give up."""

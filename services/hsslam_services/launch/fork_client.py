@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.parent_death import adopt_orphans
 from hsslam_services.launch.process_table import FORK_SERVER
 from hsslam_services.launch.restart_policy import RestartPolicy
@@ -129,10 +130,11 @@ class ForkClient:
     """Starts the processes of a run by forking; without a fork server, as fresh interpreters.
 
     If the fork server dies, its forks live on as children of this process, and it is started again; after
-    a crash loop, processes start without it.
+    a crash loop, processes start without it. `disk` opens the logs.
     """
 
-    def __init__(self, run_dir: Path) -> None:
+    def __init__(self, run_dir: Path, disk: DiskWork | None = None) -> None:
+        self._disk = disk or DiskWork()
         self.news: list[str] = []  # lines for the operator; the supervisor takes them
         self._run_dir = run_dir
         self._policy = RestartPolicy(first_delay_s=0.0, longest_delay_s=0.0)
@@ -168,7 +170,7 @@ class ForkClient:
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         fd = other.fileno()
         command = module_command(FORK_SERVER, str(self._run_dir))
-        with other, open_log(self._run_dir, FORK_SERVER) as log:
+        with other, open_log(self._run_dir, FORK_SERVER, self._disk) as log:
             self._process = subprocess.Popen(
                 [*command, "--socket-to-supervisor", str(fd)],
                 stdin=subprocess.DEVNULL,
@@ -183,14 +185,14 @@ class ForkClient:
         """Start a process of the run, as `spawn.spawn`; returns before the process exists."""
         self.tick()
         if self._socket is None:
-            return spawn(module, run_dir)
-        with open_log(run_dir, module) as log:
+            return spawn(module, run_dir, self._disk)
+        with open_log(run_dir, module, self._disk) as log:
             own, other = socket.socketpair()
             with other, contextlib.suppress(OSError):
                 # on an error, `other` closes, and the process starts without the fork server
                 socket.send_fds(self._socket, [module.encode()], [log.fileno(), other.fileno()])
         patience_s = _FROZEN_S if self._first is not None and self._first.is_forked else _PATIENCE_S
-        process = ForkedProcess(own, lambda: spawn(module, run_dir), patience_s)
+        process = ForkedProcess(own, lambda: spawn(module, run_dir, self._disk), patience_s)
         self._first = self._first or process
         return process
 

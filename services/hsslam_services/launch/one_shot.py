@@ -1,12 +1,14 @@
 """Runs the processes that end by themselves: map loader, savers, evaluator, watchdog."""
 
 import contextlib
+import errno
 import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_node.errors import UserError
+from hsslam_services.disk.disk_work import STEP_S, DiskWork
 from hsslam_services.launch.process_table import WATCHDOG
 from hsslam_services.launch.spawn import (
     NOT_STARTED,
@@ -20,7 +22,7 @@ from hsslam_services.launch.spawn import (
     process_name,
     spawn,
 )
-from hsslam_services.run.process_result import clear_result, read_result
+from hsslam_services.run.process_result import ProcessResult, clear_result, read_result
 from hsslam_services.run.summary import update_summary
 
 _WATCHDOG_TIMEOUT_S = 5.0
@@ -34,16 +36,23 @@ def run_one_shot(
     is_cancelled: Callable[[], bool],
     timeout_s: float,
     spawn: Spawn = spawn,
+    disk: DiskWork | None = None,
 ) -> str:
     """Run a process to its end, calling `tick` meanwhile; adds its section to the summary.
 
-    Returns "" or the error.
+    Returns "" or the error. A disk that does not answer ends each step on it after a minute.
     """
     if is_cancelled():
         return "cancelled"
-    name = process_name(module)
+    name, disk = process_name(module), disk or DiskWork()
+
+    def turn() -> None:
+        tick()
+        if is_cancelled():
+            raise InterruptedError(errno.EINTR, "cancelled")
+
     try:
-        clear_result(run_dir, name)
+        disk.do(lambda: clear_result(run_dir, name), STEP_S, turn)
         process = spawn(module, run_dir)
     except (OSError, MemoryError) as error:
         return not_started(error)
@@ -55,10 +64,11 @@ def run_one_shot(
             return "cancelled" if is_cancelled() else f"not done after {timeout_s:.0f} s: killed"
     if code == NOT_STARTED:
         return "cannot be started"
-    error = last_error(run_dir, module) if code else ""
+    result = ProcessResult()
     with contextlib.suppress(OSError):  # the end of the run reports this
-        update_summary(run_dir, read_result(run_dir, name).summary)
-    return error
+        result = disk.do(lambda: read_result(run_dir, name), STEP_S, turn)
+        disk.do(lambda: update_summary(run_dir, result.summary), STEP_S, turn)
+    return last_error(result, run_dir, module) if code else ""
 
 
 def _kill(process: Process) -> None:
@@ -68,14 +78,16 @@ def _kill(process: Process) -> None:
         process.wait(_KILL_TIMEOUT_S)
 
 
-def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
+def start_watchdog(
+    run_dir: Path, arena_dir: Path, disk: DiskWork | None = None
+) -> subprocess.Popen:
     """Start the watchdog, which saves and cleans up after a killed supervisor.
 
     Raises:
         UserError: the watchdog cannot be started, or its log cannot be written.
     """
     try:
-        with open_log(run_dir, WATCHDOG) as log:
+        with open_log(run_dir, WATCHDOG, disk) as log:
             return subprocess.Popen(
                 [*module_command(WATCHDOG, str(run_dir)), "--arena", str(arena_dir)],
                 stdin=subprocess.DEVNULL,

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO, Protocol
 
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.process_table import environment_of_threads
 from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
-from hsslam_services.run.process_result import read_result
+from hsslam_services.run.process_result import ProcessResult
 
 # By default, glibc returns freed memory of the size of images to the system, which clears it for the next
 # image: half the time of preparing a reference keyframe. These variables let a process keep it, but not in
@@ -46,9 +47,9 @@ def module_command(module: str, run_dir: str) -> list[str]:
     return [sys.executable, "-P", "-m", module, "--run", run_dir]
 
 
-def spawn(module: str, run_dir: Path) -> subprocess.Popen:
+def spawn(module: str, run_dir: Path, disk: DiskWork | None = None) -> subprocess.Popen:
     """Start `python -m <module> --run <run_dir>` in its own session, with its output in logs/."""
-    with open_log(run_dir, module) as log:
+    with open_log(run_dir, module, disk) as log:
         return subprocess.Popen(
             module_command(module, str(run_dir)),
             stdin=subprocess.DEVNULL,
@@ -69,9 +70,18 @@ def child_environment() -> Mapping[str, str]:
     }
 
 
-def open_log(run_dir: Path, module: str) -> IO[bytes]:
-    """Open the log of a process to append."""
+def open_log(run_dir: Path, module: str, disk: DiskWork | None = None) -> IO[bytes]:
+    """Open the log of a process to append; /dev/null if `disk` does not answer in time."""
     log_file = log_path(run_dir, module)
+    if disk is None:
+        return _open_log(log_file)
+    try:
+        return disk.do(lambda: _open_log(log_file))
+    except TimeoutError:
+        return Path(os.devnull).open("ab")
+
+
+def _open_log(log_file: Path) -> IO[bytes]:
     log_file.parent.mkdir(exist_ok=True)
     return log_file.open("ab")
 
@@ -86,10 +96,9 @@ def process_name(module: str) -> str:
     return module.rpartition(".")[2]
 
 
-def last_error(run_dir: Path, module: str) -> str:
-    """The error that a failed process left; else a line that names its log."""
-    error = read_result(run_dir, process_name(module)).error
-    return error or f"{process_name(module)} failed; see {log_path(run_dir, module)}"
+def last_error(result: ProcessResult, run_dir: Path, module: str) -> str:
+    """The error that a failed process left in its result; else a line that names its log."""
+    return result.error or f"{process_name(module)} failed; see {log_path(run_dir, module)}"
 
 
 def not_started(error: BaseException) -> str:

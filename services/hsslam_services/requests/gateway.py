@@ -12,6 +12,7 @@ from hsslam_proto.request_messages import Done, Status
 from hsslam_proto.run_messages import Event
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import rejected_messages, run_status
 from hsslam_services.launch.child import Child
@@ -27,13 +28,13 @@ _AT_A_TIME = 64  # requests in one turn of the loop
 
 
 class Gateway:
-    """Answers the table of requests; `tick` never blocks.
+    """Answers the table of requests; `tick` never blocks, but for a second if the disk hangs.
 
     `wants_stop`: a client has asked to stop the run. `is_loading`: the map of `--map` is not in the arena
     yet, and no process of the run has started; the supervisor resets it.
     """
 
-    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
+    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, disk: DiskWork | None = None) -> None:
         self.wants_stop = False
         self.is_loading = bool(run.options.map)
         self._is_stopping = False
@@ -47,8 +48,8 @@ class Gateway:
         self._trajectory = TrajectorySoFar(Path(run.arena_dir), self._warn)
         self._queries = PassedOn(bus, rpc.QUERY)
         self._places = PassedOn(bus, rpc.LOCATE)
-        self._saving = MapSaving(run, spawn)
-        self._reset = MapReset(bus, run, spawn, self._pause)
+        self._saving = MapSaving(run, spawn, disk=disk)
+        self._reset = MapReset(bus, run, spawn, self._pause, disk)
 
     @property
     def is_busy(self) -> bool:

@@ -4,6 +4,7 @@ import contextlib
 import subprocess
 import time
 from collections.abc import Generator, Mapping
+from functools import partial
 from pathlib import Path
 
 from hsslam_node.map.pose_log import PoseLog
@@ -14,17 +15,19 @@ from hsslam_services.arena.arena_folder import pose_count, remove_arrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import TRAJECTORY_SAVER, one_shot_timeout_s
 from hsslam_services.launch.spawn import Spawn, last_error, not_started, process_name
 from hsslam_services.requests.pause_and_mode import CameraPause
-from hsslam_services.run.process_result import clear_result, read_result
+from hsslam_services.run.process_result import ProcessResult, clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
 
 _PATIENCE_S = 5.0  # for an orderly end; the reset discards their work anyway
 _KILL_TIMEOUT_S = 1.0
+_DISK_S = 10.0  # for file work, while no process tracks
 _Steps = Generator[None, None, None]  # each `yield` ends a turn of the supervisor's loop
 
 
@@ -37,7 +40,15 @@ class MapReset:
     with the old map.
     """
 
-    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, pause: CameraPause) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        run: RunInfo,
+        spawn: Spawn,
+        pause: CameraPause,
+        disk: DiskWork | None = None,
+    ) -> None:
+        self._disk = disk or DiskWork()
         self._run = run
         self._spawn = spawn
         self._pause = pause
@@ -108,7 +119,7 @@ class MapReset:
             child.wanted = False
         yield from _ended(children)
         with contextlib.suppress(OSError):  # what the tracker lost, before the next one begins
-            update_summary(self._run.path, read_result(self._run.path, "tracker").summary)
+            yield from self._sum_up("tracker")
         error = yield from self._save_trajectories()
         if not error:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
@@ -136,7 +147,7 @@ class MapReset:
         """Run the process that writes them; returns "" or the error."""
         name = process_name(TRAJECTORY_SAVER)
         try:
-            clear_result(self._run.path, name)
+            yield from self._disk.steps(lambda: clear_result(self._run.path, name), _DISK_S)
             process = self._spawn(TRAJECTORY_SAVER, self._run.path)
         except OSError as error:
             return f"{name} {not_started(error)}"
@@ -153,9 +164,17 @@ class MapReset:
                 process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(_KILL_TIMEOUT_S)
+        result = ProcessResult()
         with contextlib.suppress(OSError):  # a full disk: only the trajectories matter
-            update_summary(self._run.path, read_result(self._run.path, name).summary)
-        return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
+            result = yield from self._sum_up(name)
+        return last_error(result, self._run.path, TRAJECTORY_SAVER) if code else ""
+
+    def _sum_up(self, name: str) -> Generator[None, None, ProcessResult]:
+        """Add the result of a process to the summary; returns it."""
+        result = yield from self._disk.steps(lambda: read_result(self._run.path, name), _DISK_S)
+        add = partial(update_summary, self._run.path, result.summary)
+        yield from self._disk.steps(add, _DISK_S)
+        return result
 
     def _answer(self, error: str) -> None:
         asked, self._asked = self._asked, []

@@ -9,10 +9,11 @@ import msgspec
 
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.bus.requests import PendingRequest
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.process_table import MAP_SAVER, ONE_SHOT_TIMEOUT_S
 from hsslam_services.launch.spawn import Process, Spawn, last_error, not_started, process_name
 from hsslam_services.run.maps_folder import SAVE_REQUEST
-from hsslam_services.run.process_result import clear_result, read_result
+from hsslam_services.run.process_result import clear_result, result_in_time
 from hsslam_services.run.run_info import RunInfo, write_atomically
 
 _KILL_TIMEOUT_S = 5.0
@@ -22,8 +23,13 @@ class MapSaving:
     """Starts the process that saves, and answers when it has ended."""
 
     def __init__(
-        self, run: RunInfo, spawn: Spawn, timeout_s: float = ONE_SHOT_TIMEOUT_S[MAP_SAVER]
+        self,
+        run: RunInfo,
+        spawn: Spawn,
+        timeout_s: float = ONE_SHOT_TIMEOUT_S[MAP_SAVER],
+        disk: DiskWork | None = None,
     ) -> None:
+        self._disk = disk or DiskWork()
         self._run = run
         self._arena_dir = Path(run.arena_dir)
         self._spawn = spawn
@@ -41,7 +47,7 @@ class MapSaving:
             asked.refuse("busy", "save: another map is being saved")
             return
         try:
-            clear_result(self._run.path, process_name(MAP_SAVER))
+            self._disk.do(lambda: clear_result(self._run.path, process_name(MAP_SAVER)))
             write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
             self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
             self._deadline_s = time.monotonic() + self._timeout_s
@@ -49,7 +55,7 @@ class MapSaving:
             asked.refuse("failed", f"save: {not_started(error)}")
 
     def tick(self) -> None:
-        """Answer if the process has ended; kill it if it takes too long. Never blocks."""
+        """Answer if the process has ended; kill it if it takes too long."""
         if self._process is None:
             return
         code = self._process.poll()
@@ -59,12 +65,12 @@ class MapSaving:
                 self._refuse(f"not done after {self._timeout_s:g} s: killed")
             return
         self._process = None
-        result = read_result(self._run.path, process_name(MAP_SAVER))
+        result = result_in_time(self._disk, self._run.path, process_name(MAP_SAVER))
         if code == 0 and result.answer and self._asked is not None:
             self._asked.answer(msgspec.convert(result.answer, SavedMap))
             self._asked = None
         else:
-            self._refuse(last_error(self._run.path, MAP_SAVER))
+            self._refuse(last_error(result, self._run.path, MAP_SAVER))
 
     def close(self) -> None:
         """Kill the process if it still runs."""

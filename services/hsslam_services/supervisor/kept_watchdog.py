@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 from hsslam_node.errors import UserError
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.one_shot import expect_end, start_watchdog
 from hsslam_services.launch.restart_policy import RestartPolicy
 from hsslam_services.launch.spawn import how_it_ended
@@ -21,9 +22,16 @@ class KeptWatchdog:
         UserError: the watchdog cannot be started, or its log cannot be written.
     """
 
-    def __init__(self, run_dir: Path, arena_dir: Path, policy: RestartPolicy | None = None) -> None:
+    def __init__(
+        self,
+        run_dir: Path,
+        arena_dir: Path,
+        policy: RestartPolicy | None = None,
+        disk: DiskWork | None = None,
+    ) -> None:
         self.news: list[str] = []
         self._run_dir, self._arena_dir = run_dir, arena_dir
+        self._disk = disk or DiskWork()
         self._policy = policy or RestartPolicy(first_delay_s=0.5, longest_delay_s=10.0)
         self._process: subprocess.Popen | None = None
         self._due_s: float | None = None  # of the next start; None: it runs, or there were too many
@@ -48,7 +56,7 @@ class KeptWatchdog:
 
     def _start(self) -> None:
         self._started_s = time.monotonic()
-        self._process = start_watchdog(self._run_dir, self._arena_dir)
+        self._process = start_watchdog(self._run_dir, self._arena_dir, self._disk)
         self._due_s = None
 
     def _failed(self, what: str, worked_s: float) -> None:

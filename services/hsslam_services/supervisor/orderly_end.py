@@ -17,6 +17,7 @@ from hsslam_services.artefacts.lost_results import (
     lost_poses,
     unfinished_log,
 )
+from hsslam_services.disk.disk_work import STEP_S, DiskWork
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import frames_dropped
 from hsslam_services.launch.child import Child
@@ -69,6 +70,7 @@ class OrderlyEnd:
     given_up: list[str] = field(default_factory=list)
     not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
+    disk: DiskWork = field(default_factory=DiskWork)
     _begun_s: float = field(default_factory=time.monotonic)
     _saved_poses: tuple[int, int] = (-1, 0)  # `_poses` when the trajectories were last saved
 
@@ -211,10 +213,17 @@ class OrderlyEnd:
     def _check_poses(self) -> None:
         """Miss the poses that the pose log had no memory for, and the fragments that the tracker lost."""
         counted = self.children["tracker"].counted(POSES_NOT_LOGGED)
-        if lost := lost_poses(self.run.path, counted):
-            self.miss("poses", lost)
-        if lost := lost_fragments(self.run.path):
-            self.miss("fragments", lost)
+        self._judge("poses", lambda: lost_poses(self.run.path, counted))
+        self._judge("fragments", lambda: lost_fragments(self.run.path))
+
+    def _judge(self, artefact: str, why: Callable[[], str]) -> None:
+        """Miss an artefact for the reason that files in the run folder give; also if they cannot be read."""
+        try:
+            lost = self.disk.do(why, STEP_S, self.turn)
+        except OSError as error:
+            lost = f"{self.run.path}: {error.strerror}"
+        if lost:
+            self.miss(artefact, lost)
 
     def _check_log(self) -> None:
         """Check by the recorder's result that the log is complete."""
@@ -225,8 +234,8 @@ class OrderlyEnd:
         error = ""
         if recorder.state == "failed":
             error = recorder.user_error or "the recorder could not be kept running"
-        if why := unfinished_log(self.run.path, error, recorder.counted(LOG_FAILURES)):
-            self.miss("log", why)
+        failures = recorder.counted(LOG_FAILURES)
+        self._judge("log", lambda: unfinished_log(self.run.path, error, failures))
 
     def _poses(self) -> tuple[int, int]:
         """Number of corrections of keyframe poses, -1 without keyframes, and number of poses."""

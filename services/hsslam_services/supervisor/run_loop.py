@@ -3,6 +3,7 @@
 import datetime
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hsslam_proto import topics
 from hsslam_proto.run_messages import Event, Stop
 from hsslam_services.arena.arena_folder import pose_count
 from hsslam_services.bus.bus import Bus
+from hsslam_services.disk.disk_work import STEP_S, DiskWatch, DiskWork
 from hsslam_services.health.run_state import Listener
 from hsslam_services.health.snapshot import take_snapshot
 from hsslam_services.health.status import process_section
@@ -32,7 +34,7 @@ from hsslam_services.launch.spawn import process_name
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
-from hsslam_services.run.process_result import read_result
+from hsslam_services.run.process_result import read_result, result_in_time
 from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
 from hsslam_services.security.certificate_validity import CertificateWarnings
 from hsslam_services.supervisor.guard import Guard
@@ -43,6 +45,7 @@ from hsslam_services.supervisor.stop_reason import StopReason, of_processes, use
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
+_HURRIED_S = 5.0  # for the summary after a second signal
 _LONGEST_REQUEST_S = 60.0  # for a save or reset in progress when the run ends
 
 
@@ -61,6 +64,7 @@ class RunLoop:
         fork_client: ForkClient,
         watchdog: KeptWatchdog,
         signals: Callable[[], int],
+        disk: DiskWork,
     ) -> None:
         self.not_saved: Mapping[str, str] = {}
         self.given_up: Sequence[str] = ()
@@ -72,12 +76,17 @@ class RunLoop:
         self._watchdog = watchdog
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
-        self._gateway = Gateway(bus, prepared.info, fork_client.spawn)
+        self._disk = disk
+        self._disk_watch = DiskWatch(disk, prepared.info.path)
+        self._gateway = Gateway(bus, prepared.info, fork_client.spawn, disk)
         self._status = StatusLine()
         self._guard = Guard(lambda text: self._status.say(text, "error"))
         self._memory = MemoryOfAll()
         self._metrics = prepared.metrics
         self._replaced = prepared.replaced
+        self._is_replaced = False
+        self._replacing: Future[str] | None = None
+        self._removals = DiskWork()  # of the previous run's files, which may take long
         self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
             spec.name: Child(
@@ -86,6 +95,7 @@ class RunLoop:
                 fork_client.spawn,
                 partial(self._may_pass, spec),
                 self._has_source_ended,
+                disk,
             )
             for spec in processes_of(self._info.options)
         }
@@ -117,7 +127,8 @@ class RunLoop:
             if self._info.options.map:
                 if error := self._run_first(MAP_LOADER):
                     raise UserError(error)
-                loaded = read_result(self._info.path, process_name(MAP_LOADER)).summary
+                name = process_name(MAP_LOADER)
+                loaded = result_in_time(self._disk, self._info.path, name).summary
                 self._listener.state.last_keyframe = loaded.get("keyframes", 0) - 1
             if not self._should_end():
                 self._gateway.is_loading = False
@@ -173,6 +184,7 @@ class RunLoop:
             guard.run(child.spec.name, child.tick, is_needed=True)
         guard.run("fork server", self._fork_client.tick)
         guard.run("watchdog", self._watchdog.tick)
+        guard.run("disk", self._disk_watch.tick)
         guard.run("news", self._report_news)
         guard.run("results of the run before", self._replace_results)
         guard.run("memory", self._measure_memory)
@@ -195,15 +207,22 @@ class RunLoop:
     def _report_news(self) -> None:
         if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
             self._report(warning)
-        for reporter in (*self._children.values(), self._fork_client, self._watchdog):
+        others = (self._fork_client, self._watchdog, self._disk_watch)
+        for reporter in (*self._children.values(), *others):
             while reporter.news:
                 self._report(reporter.news.pop(0))
 
     def _replace_results(self) -> None:
         """Remove or keep the results of the previous run as soon as this one cannot be refused any more."""
-        if not self._may_be_refused and (name := self._replaced.replace()):
-            text = f"the previous run did not end in order: its results are in {name}"
-            self._status.say(f"--out {self._info.run_dir}: {text}")
+        if self._replacing is None and not (self._is_replaced or self._may_be_refused):
+            self._replacing = self._removals.ask(self._replaced.replace)
+        if self._replacing is not None and self._replacing.done():
+            asked, self._replacing = self._replacing, None  # tried again if it raises
+            name = asked.result()
+            self._is_replaced = True
+            if name:
+                text = f"the previous run did not end in order: its results are in {name}"
+                self._status.say(f"--out {self._info.run_dir}: {text}")
 
     @property
     def _may_be_refused(self) -> bool:
@@ -222,6 +241,7 @@ class RunLoop:
                 self._listener.state,
                 self._children,
                 self._certificate.days_left(datetime.datetime.now(datetime.UTC)),
+                self._disk.silent_s(),
             )
         )
 
@@ -245,11 +265,15 @@ class RunLoop:
             self._run_alone,
             self._signals,
             lambda text: self._guard.run("events", lambda: self._report(text)),
+            disk=self._disk,
         )
         end.to_the_end()
-        self._wait_while(lambda: self._gateway.is_busy)
+        self._wait_while(lambda: self._gateway.is_busy or self._replacing is not None)
+        within_s = STEP_S if self._signals() < 2 else _HURRIED_S
         try:
-            self._complete_summary(reason, stop_s, end)
+            summary = self._disk.do(lambda: self._summary(reason, stop_s, end), within_s)
+            if evaluation := summary.get("evaluation"):
+                self._status.say(evaluation_line(evaluation, summary.get("frames", {})))
         except OSError as error:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
         self.not_saved, self.given_up = end.not_saved, end.given_up
@@ -260,7 +284,8 @@ class RunLoop:
         while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
 
-    def _complete_summary(self, reason: StopReason, stop_s: float, end: OrderlyEnd) -> None:
+    def _summary(self, reason: StopReason, stop_s: float, end: OrderlyEnd) -> dict[str, Any]:
+        """Complete the summary; returns it. Runs in the thread for file work, while the loop waits."""
         path = self._info.path
         for name in self._children:
             update_summary(path, read_result(path, name).summary)
@@ -273,15 +298,19 @@ class RunLoop:
         section |= {"supervisor_failures": self._guard.failures, "end_s": end.done_s}
         section["exit_code"] = int(self._code(reason, is_saved=not end.not_saved))
         update_summary(path, section)
-        summary = read_summary(path)
-        if evaluation := summary.get("evaluation"):
-            self._status.say(evaluation_line(evaluation, summary.get("frames", {})))
+        return read_summary(path)
 
     def _run_alone(self, module: str, is_cancelled: Callable[[], bool]) -> str:
         """Run a process to its end while the loop goes on; returns "" or the error."""
         timeout_s = one_shot_timeout_s(module, pose_count(Path(self._info.arena_dir)))
         return run_one_shot(
-            module, self._info.path, self._tick, is_cancelled, timeout_s, self._fork_client.spawn
+            module,
+            self._info.path,
+            self._tick,
+            is_cancelled,
+            timeout_s,
+            self._fork_client.spawn,
+            self._disk,
         )
 
     def _run_first(self, module: str) -> str:

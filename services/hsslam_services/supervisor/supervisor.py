@@ -17,6 +17,7 @@ from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.open_source import check_source_exists
+from hsslam_services.disk.disk_work import STEP_S, DiskWork
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
@@ -73,15 +74,16 @@ class Supervisor:
 
     def _run(self, prepared: Prepared) -> ExitCode:
         info, arena = prepared.info, prepared.arena
-        fork_client = ForkClient(info.path)
+        disk = DiskWork()
+        fork_client = ForkClient(info.path, disk)
         watchdog: KeptWatchdog | None = None
         is_in_order = False
         try:
             if has_run_kernels(info.options.grid):
                 fork_client.start()
-            watchdog = KeptWatchdog(info.path, arena.path)
+            watchdog = KeptWatchdog(info.path, arena.path, disk=disk)
             with Bus(info.endpoint, info.robot, "supervisor") as bus:
-                run = RunLoop(prepared, bus, fork_client, watchdog, lambda: self._signals)
+                run = RunLoop(prepared, bus, fork_client, watchdog, lambda: self._signals, disk)
                 try:
                     code = run.to_the_end()
                 except UserError:
@@ -92,15 +94,19 @@ class Supervisor:
                     run.drain()
                     raise
                 run.kill_all()
-                remove_partial_files(info.path)  # of savers that were killed
+                with contextlib.suppress(
+                    OSError
+                ):  # files of savers that were killed cost only room
+                    disk.do(lambda: remove_partial_files(info.path), STEP_S)
         except UserError:
-            arena.remove()
-            prepared.give_back()
+            with contextlib.suppress(TimeoutError):  # else the next run does both
+                disk.do(arena.remove, STEP_S)
+                disk.do(prepared.give_back, STEP_S)
             is_in_order = True
             raise
         else:
-            self._free(arena, info, run.not_saved, run.given_up)
-            self._keep_replaced(prepared)
+            self._free(arena, info, run.not_saved, run.given_up, disk)
+            self._keep_replaced(prepared, disk)
             is_in_order = True
             return code
         finally:
@@ -117,10 +123,12 @@ class Supervisor:
         info: RunInfo,
         not_saved: Mapping[str, str],
         given_up: Collection[str],
+        disk: DiskWork,
     ) -> None:
         """Remove the arena, unless it holds results that could not be saved; then also those given up."""
         if not any(name in not_saved for name in ARENA_ARTEFACTS) or not pose_count(arena.path):
-            arena.remove()
+            with contextlib.suppress(TimeoutError):  # else the next run removes it
+                disk.do(arena.remove, STEP_S)
             return
         kept = [name for name in ARENA_ARTEFACTS if name in not_saved or name in given_up]
         with contextlib.suppress(OSError):  # the memory is full; the folder says enough
@@ -128,10 +136,10 @@ class Supervisor:
         text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"
         say_at_end(text)
 
-    def _keep_replaced(self, prepared: Prepared) -> None:
+    def _keep_replaced(self, prepared: Prepared, disk: DiskWork) -> None:
         """Keep the results of the previous run if this run ended before it had poses."""
         with contextlib.suppress(OSError):  # else the next run in this folder keeps them
-            if name := prepared.replaced.keep():
+            if name := disk.do(prepared.replaced.keep, STEP_S):
                 text = f"this run has no poses: the results of the previous run are in {name}"
                 say_at_end(f"{prepared.info.run_dir}: {text}")
 

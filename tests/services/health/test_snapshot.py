@@ -40,6 +40,12 @@ def test_frames_without_poses_are_no_health():
         assert (found, body["status"], body["silent_s"]) == (code, word, silent_s)
 
 
+def test_a_disk_that_does_not_answer_is_told_and_the_run_goes_on():
+    for silent_s, word in ((4.9, "ok"), (5.1, "degraded")):
+        found, body = health_of(dataclasses.replace(snapshot(), disk_silent_s=silent_s), _NOW_S)
+        assert (found, body["status"], body["disk_silent_s"]) == (200, word, silent_s)
+
+
 @pytest.mark.parametrize(("age_s", "told"), [(None, None), (7200.04, 7200.0)])
 def test_a_camera_that_sends_nothing_is_no_fault_and_the_age_of_its_last_pose_is_told(age_s, told):
     quiet = dataclasses.replace(snapshot(tracking="none", fps=0.0), pose_age_s=age_s)

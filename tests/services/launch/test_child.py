@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,10 +16,11 @@ from hsslam_proto import topics
 from hsslam_proto.request_messages import QueryMap
 from hsslam_proto.requests import QUERY
 from hsslam_services.bus.bus import Bus
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkedProcess
 from hsslam_services.launch.process_table import ProcessSpec
-from hsslam_services.launch.spawn import Spawn, spawn
+from hsslam_services.launch.spawn import Spawn, log_path, spawn
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
 
@@ -82,6 +84,24 @@ def test_runs_restarts_after_a_kill_and_ends_in_order(watch, run_info: RunInfo):
     child.wanted = False
     until(lambda: child.state == "ended")
     assert (run_info.path / "ended").read_text() == "in order"
+
+
+def test_while_the_disk_hangs_processes_are_restarted_without_their_log(watch, run_info: RunInfo):
+    """A pipe without a reader, which a writer cannot open, is a disk that hangs."""
+    start, until = watch
+    child = start("obedient", by=partial(spawn, disk=DiskWork()))
+    until(lambda: child.state == "running")
+    log = log_path(run_info.path, _SPEC.module)
+    log.unlink()
+    os.mkfifo(log)
+    try:
+        for _ in range(2):
+            first = child.pid
+            os.kill(first, signal.SIGKILL)
+            until(lambda first=first: child.state == "running" and child.pid != first, 30.0)
+    finally:
+        os.close(os.open(log, os.O_RDWR))  # no thread is left waiting
+    assert child.restarts == 2
 
 
 def test_one_that_was_frozen_together_with_its_supervisor_is_not_killed(watch):

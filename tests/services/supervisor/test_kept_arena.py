@@ -6,6 +6,7 @@ import pytest
 
 from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.arena.unsaved_marker import read_unsaved
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.supervisor.supervisor import Supervisor
 
@@ -28,7 +29,7 @@ def test_what_could_not_be_saved_is_kept_with_what_was_given_up(
 ):
     arena = ArenaFolder("kept", run_info.path, root=run_info.path)
     (arena.path / "pose_header.bin").write_bytes((9).to_bytes(8, "little"))
-    Supervisor(run_info.options)._free(arena, run_info, not_saved, given_up)
+    Supervisor(run_info.options)._free(arena, run_info, not_saved, given_up, DiskWork())
     assert arena.path.exists() == (kept is not None)
     unsaved = read_unsaved(arena.path)
     assert (unsaved and unsaved.artefacts) == kept

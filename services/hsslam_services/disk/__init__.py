@@ -1,0 +1,1 @@
+"""File work on the run folder, whose disk may hang."""
