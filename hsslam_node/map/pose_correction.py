@@ -56,7 +56,7 @@ def roots(is_kept: np.ndarray, anchors: np.ndarray) -> np.ndarray:
 
 def carry_retired(before: np.ndarray, after: np.ndarray, root: np.ndarray) -> None:
     """Move retired keyframes in `after` [n, 4, 4] with the kept ones `root` [n], as of `roots`."""
-    moved = (root != np.arange(len(root))) & (root >= 0)
-    moved[moved] = (after[root[moved]] != before[root[moved]]).any(axis=(1, 2))
-    to = root[moved]
-    after[moved] = after[to] @ inverse_batch(before[to]) @ before[moved]
+    has_moved = (after != before).any(axis=(1, 2))
+    moved = (root != np.arange(len(root))) & (root >= 0) & has_moved[root]
+    to, place = np.unique(root[moved], return_inverse=True)  # few: the others are retired
+    after[moved] = (after[to] @ inverse_batch(before[to]))[place] @ before[moved]
