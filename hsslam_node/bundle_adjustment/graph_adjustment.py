@@ -69,15 +69,16 @@ class GraphBundleAdjustment(BundleAdjustment):
         poses = store.poses()
         closed = self._measure(store, poses, rest)
         all_asked = self._all_at_next
-        solved = self._solved(poses)
+        nodes = self._chain.keyframes
+        then, solved = poses[nodes], self._solved(nodes, poses[nodes])
         mapped = self._map.round(store, lease, may_step, rest)
-        if not may_step() or surface_shift_m(poses, solved) < self._config.least_shift_m:
+        if not may_step() or surface_shift_m(then, solved) < self._config.least_shift_m:
             self._all_at_next = all_asked
             return replace(mapped, moved=False, loops=closed)
-        ids = np.flatnonzero((solved != poses).any(axis=(1, 2)))
+        has_moved = (solved != then).any(axis=(1, 2))
         return replace(
-            mapped, keyframes=ids, T_then=poses[ids], T_world_cam=solved[ids], moved=True,
-            loops=closed, known=len(poses),
+            mapped, keyframes=nodes[has_moved], T_then=then[has_moved], T_world_cam=solved[has_moved],
+            moved=True, loops=closed, known=len(poses),
         )  # fmt: skip
 
     def _measure(
@@ -146,9 +147,9 @@ class GraphBundleAdjustment(BundleAdjustment):
             self._edges = [e for e in self._edges if e.first in kept and e.second in kept]
         return kept
 
-    def _solved(self, poses: np.ndarray) -> np.ndarray:
-        """All poses [n, 4, 4], after solving for the newest in the graph, or for all if `_all_at_next`."""
-        nodes = self._chain.keyframes
+    def _solved(self, nodes: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """The poses [n, 4, 4] of the keyframes `nodes` [n] of the graph, after solving for the newest, or for
+        all if `_all_at_next`."""
         n = len(nodes)
         oldest = 1 if self._all_at_next else max(1, n - self._config.window)
         fixed = np.arange(n) < oldest
@@ -160,13 +161,11 @@ class GraphBundleAdjustment(BundleAdjustment):
             first=np.searchsorted(nodes, edges.first),
             second=np.searchsorted(nodes, edges.second),
         )
-        result = solve_pose_graph(poses[nodes], rows, fixed, kernel=self._config.kernel)
+        result = solve_pose_graph(poses, rows, fixed, kernel=self._config.kernel)
         lost = {i for i, w in zip(used, result.weights, strict=False) if w < _LOST_WEIGHT}
         self._edges = [e for i, e in enumerate(self._edges) if i not in lost]
         self._all_at_next = False
-        solved = poses.copy()
-        solved[nodes] = result.T_world_cam
-        return solved
+        return result.T_world_cam
 
 
 def _is_surprising(edge: PoseEdge, poses: np.ndarray) -> bool:
