@@ -16,11 +16,10 @@ def keyframe_path(
     clock: their stamp is `now_ns`. A keyframe whose stamp the clock does not know yet is left out: the
     tracker stores a keyframe before it logs the pose of its frame.
     """
-    poses = store.poses()
-    source_ns = store.stamps_ns()  # perhaps of more keyframes
-    ids = np.arange(0, len(poses), -(-len(poses) // most))
+    source_ns = store.stamps_ns()
+    ids = np.arange(0, len(source_ns), -(-len(source_ns) // most))
     ids = ids[(ids < store.inherited) | clock.is_known(source_ns[ids])]
     ros_ns = clock.ros_ns(source_ns[ids])
     stamps_ns = np.where(ids < store.inherited, now_ns, ros_ns)
-    bases = [robot.base_pose(T) for T in poses[ids]]
+    bases = [robot.base_pose(T) for T in store.poses_of(ids)]
     return stamps_ns.tolist(), np.array(bases).reshape(-1, 4, 4)

@@ -1,5 +1,6 @@
 """The path that ROS hears: stamps of a saved map and of a recording, on whatever clocks they are."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_services.ros2.keyframe_path import keyframe_path
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.stamp_clock import StampClock
+from tests.long_store import LongStore
 from tests.small_room import room_frames
 
 _NOW_NS = 1_700_000_000_000_000_000
@@ -42,6 +44,19 @@ def test_keyframes_of_a_saved_map_have_the_stamp_of_the_message():
     np.testing.assert_allclose(poses, [robot.base_pose(T) for T in store.poses()])
     stamps_ns, poses = keyframe_path(store, robot, clock, _NOW_NS, most=4)
     assert stamps_ns == [_NOW_NS, _NOW_NS, own_ns[1]] and len(poses) == 3
+
+
+def test_the_path_of_a_long_run_reads_only_the_poses_that_it_has():
+    long = LongStore(MemoryAllocator())
+    long.extend(3000)
+    clock = StampClock()
+    clock.learn(3000, 3000)
+    tracemalloc.start()
+    _, poses = keyframe_path(long.store, RobotFrames(), clock, _NOW_NS, most=50)
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_allclose(poses, [RobotFrames().base_pose(T) for T in long.T_world_cam[::60]])
+    assert peak_bytes < 2e5  # all poses are 384 kB
 
 
 def test_a_time_that_ros_cannot_tell_becomes_the_nearest():
