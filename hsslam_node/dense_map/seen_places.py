@@ -17,6 +17,7 @@ MOST_CELLS = 1 << 24  # 0.5 GB
 _BESIDE_M = 2.5  # of points: their distances are to surfaces up to 2 m away
 # boxes begin and end at multiples of 4 m, so that points of the next query often lie in the same box
 _STEP_CELLS = 80
+_MOST_BOXES = 32  # also of those in which keyframes saw nothing
 _FARTHEST_M = 1e9
 _Box = tuple[tuple[int, ...], tuple[int, ...]]  # first and end, in steps
 
@@ -70,32 +71,33 @@ class SeenPlaces:
                     f"query: the map has more than {self._most_cells} cells of {VOXEL_M:g} m: each query now "
                     "reads the keyframes about its points, and is slower at new places"
                 )
-        box = self._box_about(np.clip(points, -_FARTHEST_M, _FARTHEST_M))
-        try:
-            return self._boxes[box].follow_for(keyframes, deadline_s - time.monotonic())
-        except GridSizeError:
-            del self._boxes[box]
-            apart_m = np.linalg.norm(np.ptp(points, axis=0))
-            raise UserError(
-                f"points are up to {apart_m:.0f} m apart: the space about them has more than "
-                f"{self._most_cells} cells of {VOXEL_M:g} m: expected fewer, in several queries"
-            ) from None
+        tight = _box_about(np.clip(points, -_FARTHEST_M, _FARTHEST_M))
+        while True:
+            box = self._box_with(tight)
+            try:
+                return self._boxes[box].follow_for(keyframes, deadline_s - time.monotonic())
+            except GridSizeError:
+                del self._boxes[box]
+                if box == tight:
+                    break  # else the box of an earlier query has grown too large
+        apart_m = np.linalg.norm(np.ptp(points, axis=0))
+        raise UserError(
+            f"points are up to {apart_m:.0f} m apart: the space about them has more than "
+            f"{self._most_cells} cells of {VOXEL_M:g} m: expected fewer, in several queries"
+        )
 
-    def _box_about(self, points: np.ndarray) -> _Box:
-        """The box that holds what the distances of points [N, 3] m depend on."""
-        if len(points) == 0:
-            points = np.zeros((1, 3))
-        step_m = _STEP_CELLS * VOXEL_M
-        low = np.floor((points.min(axis=0) - _BESIDE_M) / step_m).astype(np.int64)
-        high = np.ceil((points.max(axis=0) + _BESIDE_M) / step_m).astype(np.int64)
+    def _box_with(self, tight: _Box) -> _Box:
+        """The box that was used last of those that hold this one; a new one if there is none."""
         for box in reversed(self._boxes):
-            if (low >= box[0]).all() and (high <= box[1]).all():
+            if np.all(np.less_equal(box[0], tight[0])) and np.all(np.less_equal(tight[1], box[1])):
                 break
         else:
-            box = tuple(low.tolist()), tuple(high.tolist())
-            within = Bound.of(*(np.multiply(_STEP_CELLS * end, VOXEL_M) for end in (low, high)))
+            box = tight
+            within = Bound.of(*(np.multiply(_STEP_CELLS * VOXEL_M, end) for end in box))
             make_room = partial(self._make_room, box)
             self._boxes[box] = self._space_of(within=within, expect_room=make_room)
+            if len(self._boxes) > _MOST_BOXES:
+                self._boxes.popitem(last=False)
         self._boxes.move_to_end(box)
         return box
 
@@ -110,3 +112,13 @@ class SeenPlaces:
     def _expect_few(self, cells: int) -> None:
         if cells > self._most_cells:
             raise GridSizeError(f"{cells} cells: expected {self._most_cells} at most")
+
+
+def _box_about(points: np.ndarray) -> _Box:
+    """The smallest box that holds what the distances of points [N, 3] m depend on."""
+    if len(points) == 0:
+        points = np.zeros((1, 3))
+    step_m = _STEP_CELLS * VOXEL_M
+    low = np.floor((points.min(axis=0) - _BESIDE_M) / step_m).astype(np.int64)
+    high = np.ceil((points.max(axis=0) + _BESIDE_M) / step_m).astype(np.int64)
+    return tuple(low.tolist()), tuple(high.tolist())

@@ -124,7 +124,7 @@ class SeenSpace:
         with self._marking:
             for _ in self._mark_new(keyframes):
                 pass
-            return self._seen_cells()
+            return self._seen_cells(keyframes)
 
     def follow_for(self, keyframes: MapKeyframes, seconds: float) -> SeenCells | int:
         """As `follow`, but stops after `seconds`: then the number of keyframes left for the next call."""
@@ -133,33 +133,33 @@ class SeenSpace:
             for left in self._mark_new(keyframes):
                 if left and time.monotonic() >= deadline_s:
                     return left
-            return self._seen_cells()
+            return self._seen_cells(keyframes)
 
     def _mark_new(self, keyframes: MapKeyframes) -> Iterator[int]:
         """Mark one after the other; yields the number left after each."""
         if self._moved(keyframes):
             self._occupancy, self._ids, self._marked_at = None, self._ids[:0], self._marked_at[:0]
-        new = np.flatnonzero(~np.isin(keyframes.ids, self._ids)).tolist()
-        is_near = self._may_see(keyframes)
+            self._cells = None
+        is_new = self._may_see(keyframes) & ~np.isin(keyframes.ids, self._ids)
+        new = np.flatnonzero(is_new).tolist()
         for n, k in enumerate(new, 1):
-            T_world_cam = keyframes.T_world_cam[k]
-            if is_near[k]:
-                depth_m = keyframes.depth_m(k)
-                depth_m = np.where(depth_m <= self._max_depth_m, depth_m, 0)
-                occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
-                if occupancy is not None:
-                    occupancy.observe(depth_m, keyframes.camera, T_world_cam)
-                    self._mark(depth_m, keyframes.camera, T_world_cam)
+            depth_m, T_world_cam = keyframes.views[k]
+            depth_m = np.where(depth_m <= self._max_depth_m, depth_m, 0)
+            occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
+            if occupancy is not None:
+                occupancy.observe(depth_m, keyframes.camera, T_world_cam)
+                self._mark(depth_m, keyframes.camera, T_world_cam)
             self._ids = np.append(self._ids, keyframes.ids[k])
             self._marked_at = np.concatenate([self._marked_at, T_world_cam[None]])
             self._cells = None
             yield len(new) - n
 
-    def _seen_cells(self) -> SeenCells:
+    def _seen_cells(self, keyframes: MapKeyframes) -> SeenCells:
         if self._cells is None:
+            if not len(keyframes):
+                raise UserError("the map has no keyframes: expected one or more")
             if (occupancy := self._occupancy) is None:
-                if self._within is None or not len(self._ids):
-                    raise UserError("the map has no keyframes: expected one or more")
+                assert self._within is not None  # in which no keyframe saw anything
                 low = np.array(self._within.low)
                 occupancy = self._begin(self._grid(low, low + self._cell_m))
             distances = self._meter.measure(occupancy)

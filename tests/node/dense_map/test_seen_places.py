@@ -1,5 +1,7 @@
 """Memory of what keyframes saw, in a corridor of walls that is longer than may be kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -118,3 +120,20 @@ def test_points_that_lie_too_far_apart_are_one_line(places):
         places.follow_for(keyframes, points, 600.0)
     assert places.cells == 0
     assert _told(places, keyframes, points[:1]).saw(points[:1]).all()
+
+
+def test_places_that_nothing_saw_take_no_more_memory_the_more_are_asked_for(places):
+    keyframes = _corridor()
+    _told(places, keyframes, _about(2.0))
+    for x_m in range(500, 1500, 10):
+        _told(places, keyframes, _about(x_m, 10))
+    assert 0 < len(places._boxes) <= 32
+
+
+def test_a_wide_box_that_has_become_too_large_is_no_error_of_a_small_query(places):
+    keyframes = _corridor()
+    few = replace(keyframes, ids=keyframes.ids[:3], T_world_cam=keyframes.T_world_cam[:3])
+    _told(places, keyframes, _about(2.0))  # the map is too large
+    _told(places, few, np.array([[0.0, 0.0, 1.0], [58.0, 0.0, 1.0]]))
+    points = _about(30.0)
+    assert _told(places, keyframes, points).saw(points).mean() > 0.3
