@@ -6,6 +6,7 @@ import numpy as np
 
 _KEPT = 512  # samples of each: a second at 400 Hz
 _LONGEST_NS = 100_000_000  # between two accelerations: over a longer gap none is known
+_SET_BACK_NS = 1_000_000_000  # a sample that is older by more means that the clock was set back
 
 _Sample = tuple[int, np.ndarray]  # stamp, ns; [3]
 UnitedSample = tuple[int, np.ndarray, np.ndarray]  # stamp, ns; rad/s [3]; m/s^2 [3]
@@ -15,7 +16,8 @@ class UnitedSamples:
     """Gives each sample of the gyroscope the acceleration at its stamp, linear between the two beside it.
 
     A sample waits for the next acceleration. It is left out if there is none before it, or if the two are
-    more than 0.1 s apart.
+    more than 0.1 s apart. Both sensors have one clock: if one of them shows that it was set back by more than
+    a second, all earlier samples are forgotten. Else a sample that is not newer than the last is left out.
     """
 
     def __init__(self) -> None:
@@ -24,12 +26,22 @@ class UnitedSamples:
 
     def add_turn_rate(self, stamp_ns: int, turn_rate: np.ndarray) -> list[UnitedSample]:
         """Take a sample [3] rad/s of the gyroscope; returns the samples that are complete now."""
-        _append(self._turn_rates, stamp_ns, turn_rate)
-        return self._complete()
+        return self._added(self._turn_rates, (stamp_ns, turn_rate))
 
     def add_force(self, stamp_ns: int, force: np.ndarray) -> list[UnitedSample]:
         """Take a sample [3] m/s^2 of the accelerometer; returns the samples that are complete now."""
-        _append(self._forces, stamp_ns, force)
+        return self._added(self._forces, (stamp_ns, force))
+
+    def _added(self, samples: deque[_Sample], sample: _Sample) -> list[UnitedSample]:
+        newest_ns = max(
+            (of[-1][0] for of in (self._turn_rates, self._forces) if of), default=sample[0]
+        )
+        if newest_ns - sample[0] > _SET_BACK_NS:
+            self._turn_rates.clear()
+            self._forces.clear()
+        if samples and sample[0] <= samples[-1][0]:
+            return []
+        samples.append(sample)
         return self._complete()
 
     def _complete(self) -> list[UnitedSample]:
@@ -54,10 +66,3 @@ class UnitedSamples:
                 return before + share * (after - before) if span_ns <= _LONGEST_NS else None
             after_ns, after = before_ns, before
         return None
-
-
-def _append(samples: deque[_Sample], stamp_ns: int, numbers: np.ndarray) -> None:
-    """Add a sample; if the clock was set back, those before it count no more."""
-    if samples and stamp_ns < samples[-1][0]:
-        samples.clear()
-    samples.append((stamp_ns, numbers))

@@ -50,10 +50,19 @@ def test_no_acceleration_is_made_up_over_a_gap():
 
 def test_a_clock_that_is_set_back_begins_anew():
     samples = UnitedSamples()
-    samples.add_force(900, _force(900))
-    samples.add_turn_rate(950, _turn_rate(950))
+    samples.add_force(9 * 10**9, _force(900))
+    samples.add_turn_rate(9 * 10**9 + 50, _turn_rate(950))
+    assert not samples.add_turn_rate(50, _turn_rate(50))  # before any acceleration of the new time
     assert not samples.add_force(100, _force(100))
     assert not samples.add_turn_rate(150, _turn_rate(150))
     ((stamp_ns, _, force),) = samples.add_force(200, _force(200))
     assert stamp_ns == 150
     np.testing.assert_allclose(force, _force(150), atol=1e-12)
+
+
+def test_a_sample_out_of_order_is_left_out_alone():
+    samples = UnitedSamples()
+    samples.add_force(0, _force(0))
+    for stamp_ns in (10, 20, 15, 30):
+        assert not samples.add_turn_rate(stamp_ns, _turn_rate(stamp_ns))
+    assert [sample[0] for sample in samples.add_force(40, _force(40))] == [10, 20, 30]

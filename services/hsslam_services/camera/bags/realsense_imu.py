@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.inertial.track import ImuTrack
 from hsslam_node.inertial.united import UnitedSample, UnitedSamples
@@ -51,4 +52,10 @@ class RealsenseImu:
 
 
 def _vector(v: Any) -> np.ndarray:
-    return np.array([v.x, v.y, v.z])
+    """Raises:
+    UserError: a number is not finite; it would spoil all samples that are interpolated beside it.
+    """
+    vector = np.array([v.x, v.y, v.z])
+    if not np.isfinite(vector).all():
+        raise UserError(f"imu: {vector}: expected finite numbers")
+    return vector
