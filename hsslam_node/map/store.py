@@ -238,9 +238,9 @@ class KeyframeStore:
         """How many of the keyframes from number `first` up to `end` (None: all) came with a fragment that
         joined the map, or were appended after it. A tracker that is restarted goes on as in the map, with
         number 0: this is no join."""
-        numbers = self.fragments()[:end]
-        if not 0 < first < len(numbers):
+        if not 0 < first < (self.count if end is None else end):
             return 0
+        numbers = self.fragments()[:end]
         return int((numbers[first:] > numbers[first - 1]).sum())
 
     def poses(self) -> np.ndarray:

@@ -80,7 +80,7 @@ def test_a_displaced_keyframe_comes_back_among_retired_ones():
     ba.round(room.store)
     room.store.retire(3, 2)
     room.store.retire(4, 2)
-    ba._seen = 1  # as after a restart: all edges are measured again
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)  # as after a restart
     _move(room, 6, 0.02, 1.0)
     report = ba.round(room.store)
     assert not {3, 4} & set(report.keyframes.tolist())
