@@ -19,7 +19,7 @@ GENERATED := $(addprefix docs/,architecture.md cameras.md cli.md wire.md)  # the
 UV_VERSION := 0.13.9
 UV := build/uv/bin/uv
 
-AGAIN := $(BIN)/pytest --verbose --verbose --maxfail 1 --last-failed --last-failed-no-failures none
+AGAIN := $(BIN)/python -m tests.run_again
 
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
@@ -37,8 +37,8 @@ warm-up: $(VENV)/.installed-dev
 
 # Shared machines stall: a test that fails (exit code 1) runs again by itself. The log names it; if it fails again, so does make.
 test: warm-up
-	$(BIN)/pytest -m 'not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder || { [ $$? -eq 1 ] && $(AGAIN); }
-	$(BIN)/pytest -m 'alone and not long' $(shell grep --recursive --files-with-matches 'mark\.alone\b' tests --include 'test_*.py') \
+	$(BIN)/pytest --cache-clear -m 'not long and not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder || { [ $$? -eq 1 ] && $(AGAIN); }
+	$(BIN)/pytest --cache-clear -m 'alone and not long' $(shell grep --recursive --files-with-matches 'mark\.alone\b' tests --include 'test_*.py') \
 		|| { [ $$? -eq 1 ] && $(AGAIN); }
 
 collect: $(VENV)/.installed-dev
