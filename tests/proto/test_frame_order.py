@@ -61,7 +61,7 @@ def _new(order: FrameOrder, camera: int, indices: list[int], first_ns: int) -> l
     return found
 
 
-@pytest.mark.parametrize("camera", [7, new_publisher()])
+@pytest.mark.parametrize("camera", [7, new_publisher()], ids=["from attachment", "named"])
 def test_a_camera_whose_count_jumps_is_new_again_after_ten_frames(camera: int):
     order = FrameOrder()
     first = LARGEST_INDEX - 30
