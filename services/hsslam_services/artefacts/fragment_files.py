@@ -1,10 +1,12 @@
 """Saves fragments that have not joined the map, map_fragment_N.safetensors, beside the tracking of frames."""
 
 import contextlib
+import math
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
-from queue import Queue
+from queue import SimpleQueue
 from typing import Literal
 
 from hsslam_node.config import SlamConfig
@@ -12,6 +14,8 @@ from hsslam_node.fragments.fragment import MOST_BYTES, Fragment
 from hsslam_node.fragments.fragment_map import fragment_map
 from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.map.checkpoint import save_checkpoint
+
+_TURN_S = 0.2
 
 
 class FragmentFiles:
@@ -26,28 +30,34 @@ class FragmentFiles:
         slam: SlamConfig,
         tell: Callable[[Literal["info", "error"], str], None],
         is_ending: Callable[[], bool] = lambda: False,
+        *,
+        waits_for_room: bool = False,
     ) -> None:
         """`tell` takes a line for each fragment: it is saved, or why not; the thread calls it too. Once
-        `is_ending()`, no other fragment begins, so each that ends is taken. `failed` has the reason for each
-        fragment that is not saved.
+        `is_ending()`, no other fragment begins, so each that ends is taken; it is called in each turn of a
+        wait. `waits_for_room`: the camera waits, so `save` may wait for memory. `failed` has the reason for
+        each fragment that is not saved.
         """
         self.failed: dict[int, str] = {}
         self._run_dir = run_dir
         self._slam = slam
         self._tell, self._is_ending = tell, is_ending
-        self._waiting: Queue[Fragment] = Queue()
+        self._waits_for_room = waits_for_room
+        self._waiting: SimpleQueue[Fragment] = SimpleQueue()
         self._unsaved: dict[int, int] = {}  # bytes, by number
+        self._has_saved = threading.Condition()
         self._thread: threading.Thread | None = None
 
     def save(self, fragment: Fragment) -> None:
-        """Let the thread save a fragment that no frame is tracked in any more; never waits.
+        """Let the thread save a fragment that no frame is tracked in any more.
 
-        It is not saved, and an error says so, if the unsaved ones leave it no memory.
+        If the unsaved ones leave it no memory, it waits for them (`waits_for_room`), or it is not saved, and
+        an error says so.
         """
-        unsaved = self._unsaved.copy()  # the thread removes from it
-        needed = sum(unsaved.values()) + fragment.nbytes
-        if unsaved and needed > MOST_BYTES and not self._is_ending():
-            earlier = ", ".join(map(str, unsaved))
+        if self._waits_for_room:
+            self._wait_until(lambda: self._is_ending() or self._needed(fragment) <= MOST_BYTES)
+        elif (needed := self._needed(fragment)) > MOST_BYTES and not self._is_ending():
+            earlier = ", ".join(map(str, self._unsaved.copy()))
             self._give_up(
                 fragment.number,
                 f"the disk is too slow or hangs: with those that wait for it ({earlier}) it takes "
@@ -58,16 +68,30 @@ class FragmentFiles:
         self._waiting.put(fragment)
         self._start()
 
-    def wait(self) -> None:
-        """Wait until all fragments are saved."""
-        self._start()
-        while self._thread is None and self._waiting.unfinished_tasks:  # no thread can start
-            self._save_next()
-        self._waiting.join()
+    def wait(self, most_s: float = math.inf) -> None:
+        """Wait until all fragments are saved, at most `most_s` seconds."""
+        give_up_s = time.monotonic() + most_s
+        self._wait_until(lambda: not self._unsaved or time.monotonic() > give_up_s)
+
+    def _needed(self, fragment: Fragment) -> int:
+        """Bytes of the unsaved fragments and this one; 0 if none is unsaved."""
+        unsaved = self._unsaved.copy()  # the thread removes from it
+        return sum(unsaved.values()) + fragment.nbytes if unsaved else 0
+
+    def _wait_until(self, is_enough: Callable[[], bool]) -> None:
+        while not is_enough():
+            self._is_ending()
+            self._start()
+            if self._thread is None:  # no thread can start
+                self._save_next()
+                continue
+            with self._has_saved:
+                self._has_saved.wait_for(is_enough, _TURN_S)
 
     def _start(self) -> None:
         """Start the thread unless it runs; if no thread can start now, another call starts it."""
-        if self._thread is None:
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = None
             thread = threading.Thread(target=self._save_all, name="fragments", daemon=True)
             with contextlib.suppress(RuntimeError):
                 thread.start()
@@ -79,9 +103,13 @@ class FragmentFiles:
 
     def _save_next(self) -> None:
         fragment = self._waiting.get()
-        self._save(fragment)
-        del self._unsaved[fragment.number]
-        self._waiting.task_done()
+        try:
+            with contextlib.suppress(Exception):  # of `tell`: it costs only the line
+                self._save(fragment)
+        finally:
+            with self._has_saved:
+                del self._unsaved[fragment.number]
+                self._has_saved.notify_all()
 
     def _save(self, fragment: Fragment) -> None:
         name = fragment_map_name(fragment.number)

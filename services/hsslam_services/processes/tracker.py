@@ -100,12 +100,13 @@ class _TrackerLoop:
         self._events = TrackingEvents(worker, self._link)
         self._tracker: FrameTracker | None = None
         options = worker.options
-        self._fragments = FragmentFiles(
-            worker.run.path, options.slam, worker.event, worker.should_stop
-        )
+        self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
+        self.fragments = FragmentFiles(
+            worker.run.path, options.slam, worker.event, worker.should_stop,
+            waits_for_room=not self._is_realtime,
+        )  # fmt: skip
         self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
-        self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for each frame
         self._left_out = LeftOutFrames(frames, worker.run.camera_arena)
         self._governor = LatencyGovernor(
             SharedLevel(worker.run.arena_dir),
@@ -130,7 +131,7 @@ class _TrackerLoop:
         return open_fragment_tracker(
             options.slam, store, options.seed, threads,
             new_map_after_s=options.new_map_after_s, fragments=self._poses.log.newest_fragment(),
-            keep=self._fragments.save,
+            keep=self.fragments.save,
         )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> bool:
@@ -191,11 +192,11 @@ class _TrackerLoop:
         self._asked.close()
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
-        self._fragments.wait()
+        self.fragments.wait()
         if not_logged := self._worker.counters.get(POSES_NOT_LOGGED, 0):
             self._worker.add_to_summary({POSES_NOT_LOGGED: not_logged})
-        if self._fragments.failed:
-            self._worker.add_to_summary({FRAGMENTS_NOT_SAVED: self._fragments.failed})
+        if self.fragments.failed:
+            self._worker.add_to_summary({FRAGMENTS_NOT_SAVED: self.fragments.failed})
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

@@ -92,6 +92,58 @@ def test_a_disk_that_hangs_holds_up_no_tracking(tmp_path: Path, monkeypatch: pyt
         assert len(saved.keyframe_stamps_ns) == number
 
 
+def test_where_the_camera_waits_a_fragment_waits_for_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The write of fragment 1 does not return; the supervisor must see turns meanwhile."""
+    said, turns = [], threading.Semaphore(0)
+
+    def is_ending() -> bool:
+        turns.release()
+        return False
+
+    files = FragmentFiles(
+        tmp_path, SMALL, lambda *line: said.append(line), is_ending, waits_for_room=True
+    )
+    first, second = _fragment(1), _fragment(2)
+    monkeypatch.setattr(fragment_files, "MOST_BYTES", first.nbytes + 1)
+    hanging = tmp_path / "map_fragment_1.safetensors"
+    os.mkfifo(hanging)  # opening it waits for a reader
+    files.save(first)
+    ended = threading.Thread(target=files.save, args=(second,), daemon=True)
+    ended.start()
+    assert all(turns.acquire(timeout=20) for _ in range(5))
+    assert ended.is_alive() and not said
+    files.wait(most_s=0.01)  # ends, though the disk hangs
+    assert hanging.read_bytes()
+    ended.join(20)
+    files.wait(20)
+    assert not files.failed
+    assert [level for level, _ in said] == ["info", "info"]
+    saved = load_checkpoint(tmp_path / "map_fragment_2.safetensors")
+    assert len(saved.keyframe_stamps_ns) == 2
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("error", [OSError("the bus is closed"), SystemExit()])
+def test_a_line_that_cannot_be_told_costs_no_fragment(tmp_path: Path, error: BaseException):
+    """`SystemExit` ends even the thread: another one goes on."""
+
+    def tell(*_: str) -> None:
+        raise error
+
+    files = FragmentFiles(tmp_path, SMALL, tell)
+    fragments = [_fragment(number) for number in (1, 2, 3)]
+    for fragment in fragments:
+        files.save(fragment)
+    waiting = threading.Thread(target=files.wait, daemon=True)
+    waiting.start()
+    waiting.join(20)
+    assert not waiting.is_alive()
+    for number in (1, 2, 3):
+        assert load_checkpoint(tmp_path / f"map_fragment_{number}.safetensors")
+
+
 @pytest.mark.parametrize("failures", [1, 2])
 def test_a_fragment_is_saved_at_the_end_if_no_thread_can_start(
     failures: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
