@@ -48,6 +48,7 @@ from hsslam_services.tracked.poses_out import PosesOut, Received
 from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
 
 _POLL_S = 0.1
+_MOST_SAVING_S = 15.0  # before a restart after an exception: the disk may hang
 
 
 def main() -> None:
@@ -71,17 +72,20 @@ def _run(worker: Worker) -> None:
         text = f"slow start: the tracker loaded the kernels itself, in {warm.took_s:.1f} s"
         worker.event("info", text)
     worker.ready()
-    while not worker.should_stop():
-        received = incoming.wait_received(_POLL_S)
-        if received is None:
-            continue
-        dropped.count += received.missed
-        if (place := inlet.admit(received)) is not None:
-            if not loop.take(received.message, received.arrival_ns, place):
-                dropped.count += 1
-            dropped.took(received.envelope)
-        worker.counters["frames_dropped"] = dropped.count
-    loop.finish()
+    try:
+        while not worker.should_stop():
+            received = incoming.wait_received(_POLL_S)
+            if received is None:
+                continue
+            dropped.count += received.missed
+            if (place := inlet.admit(received)) is not None:
+                if not loop.take(received.message, received.arrival_ns, place):
+                    dropped.count += 1
+                dropped.took(received.envelope)
+            worker.counters["frames_dropped"] = dropped.count
+        loop.finish()
+    finally:  # also after an exception: no other process has these fragments
+        loop.fragments.wait(_MOST_SAVING_S)
 
 
 class _TrackerLoop:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map import pose_log
@@ -32,6 +33,7 @@ from hsslam_services.processes.tracker import _run, _TrackerLoop
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.tracked.events import TrackingEvents
 from hsslam_services.tracked.poses_out import PosesOut, Received
+from tests.small_room import SMALL, room_frames, room_poses
 from tests.until import until
 
 _CAMERA = 7  # its number
@@ -187,6 +189,45 @@ def test_frames_that_come_while_no_tracker_runs_count_as_dropped(make_run: Calla
                 until(lambda: worker.counters.get("frames_dropped", -1) == dropped)  # noqa: B023
             until(lambda: not camera.has_subscribers())
             send(meanwhile)
+
+
+def test_fragments_are_saved_before_a_tracker_ends_by_an_exception(
+    make_run: Callable[..., RunInfo], monkeypatch: pytest.MonkeyPatch
+):
+    """The write of fragment 1 takes until the file is read."""
+    run = make_run(source="zenoh:", slam=SMALL)
+    slow = run.path / "map_fragment_1.safetensors"
+    os.mkfifo(slow)
+    has_failed = threading.Event()
+
+    def take(loop: _TrackerLoop, *_: object) -> bool:
+        for number in (1, 2):
+            fragment = Fragment(SMALL, room_frames()[0], 0, number, 8)
+            fragment.store.append(room_frames()[0], room_poses()[0])
+            loop.fragments.save(fragment)
+        has_failed.set()
+        raise ValueError("a fault")
+
+    def ends_by_it(worker: Worker) -> None:
+        with pytest.raises(ValueError, match="a fault"):
+            _run(worker)
+
+    monkeypatch.setattr(_TrackerLoop, "take", take)
+    with (
+        Bus(run.endpoint, run.robot, "camera") as bus,
+        Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker,
+    ):
+        camera = bus.publisher(topics.FRAME)
+        running = threading.Thread(target=ends_by_it, args=(worker,))
+        running.start()
+        until(camera.has_subscribers)
+        camera.put(frame_message(_frames_of(160, 1)[0], time.time_ns(), _CAMERA))
+        assert has_failed.wait(20)
+        running.join(0.5)
+        assert running.is_alive()
+        assert slow.read_bytes()
+        running.join(20)
+    assert (run.path / "map_fragment_2.safetensors").is_file()
 
 
 @contextmanager
