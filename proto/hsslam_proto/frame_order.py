@@ -38,6 +38,16 @@ class Place:
     stamp_ns: int
 
 
+@dataclass(frozen=True)
+class _Camera:
+    """What is known of a sender: `jump` is the last frame behind a large step, if none came after it;
+    `refused` counts the frames in a row up to that one."""
+
+    newest: Place
+    jump: Place | None = None
+    refused: int = 0
+
+
 class FrameOrder:
     """Follows the newest frame of each camera.
 
@@ -47,18 +57,17 @@ class FrameOrder:
     """
 
     def __init__(self) -> None:
-        self._newest: OrderedDict[int, Place] = OrderedDict()
-        self._jump: Place | None = None  # the last frame behind a large step, if none came after it
-        self._refused = 0  # frames up to that one, in a row
+        self._cameras: OrderedDict[int, _Camera] = OrderedDict()  # by sender
 
     def place(self, publisher: int, index: int, stamp_ns: int = 0) -> Place:
         """Order of a frame; `publisher` is 0 if its sender is unknown."""
-        newest = self._newest.get(publisher)
-        if newest is None:
+        camera = self._cameras.get(publisher)
+        if camera is None:
             return Place("new", publisher, publisher, index, stamp_ns)
+        newest = camera.newest
         if index > newest.index:
             place = Place("new", publisher, newest.publisher, index, stamp_ns)
-            has_moved = self._refused >= MOST_REFUSED and self._follows_jump(place)
+            has_moved = camera.refused >= MOST_REFUSED and _follows_jump(camera, place)
             is_absurd = _is_large_step(newest, place) and not has_moved
             return replace(place, kind="absurd") if is_absurd else place
         if publisher >= _SENDERS or stamp_ns <= newest.stamp_ns:
@@ -68,23 +77,28 @@ class FrameOrder:
     def resume(self, publisher: int, index: int, stamp_ns: int) -> None:
         """Set the newest frame of a camera; `publisher` as in its `Place`."""
         sender = publisher if publisher >= _NAMED_FROM else publisher % _SENDERS
-        self.take(Place("new", sender, publisher, index, stamp_ns))
+        place = Place("new", sender, publisher, index, stamp_ns)
+        camera = self._cameras.get(sender)
+        if camera and _is_large_step(camera.newest, place):  # taken after ten refused frames
+            self._cameras[sender] = replace(camera, refused=MOST_REFUSED)
+        self.take(place)
 
     def refuse(self, place: Place) -> None:
         """Note that an absurd frame was refused."""
-        self._refused = self._refused + 1 if self._follows_jump(place) else 1
-        self._jump = place
+        camera = self._cameras[place.sender]
+        refused = camera.refused + 1 if _follows_jump(camera, place) else 1
+        self._cameras[place.sender] = replace(camera, jump=place, refused=refused)
 
     def take(self, place: Place) -> None:
         """Set this frame as the newest of its sender."""
-        newest = self._newest.get(place.sender)
+        camera = self._cameras.get(place.sender)
         # a camera whose steps are all large, as those of a time in ns, is refused no more
-        is_jump = newest is not None and _is_large_step(newest, place)
-        self._jump, self._refused = (place, self._refused) if is_jump else (None, 0)
-        self._newest[place.sender] = place
-        self._newest.move_to_end(place.sender)
-        while len(self._newest) > _CAMERAS:
-            self._newest.popitem(last=False)
+        is_jump = camera is not None and _is_large_step(camera.newest, place)
+        refused = camera.refused if camera else 0
+        self._cameras[place.sender] = _Camera(place, place, refused) if is_jump else _Camera(place)
+        self._cameras.move_to_end(place.sender)
+        while len(self._cameras) > _CAMERAS:
+            self._cameras.popitem(last=False)
 
     def is_new(self, publisher: int, index: int, stamp_ns: int = 0) -> bool:
         """Whether a frame that was not refused is new; a new frame becomes the newest."""
@@ -93,14 +107,11 @@ class FrameOrder:
             self.take(place)
         return place.kind != "old"
 
-    def _follows_jump(self, place: Place) -> bool:
-        """Whether a frame counts on from the last one behind a large step; also if it is sent again."""
-        last = self._jump
-        return (
-            last is not None
-            and last.sender == place.sender
-            and (last.index <= place.index and last.stamp_ns <= place.stamp_ns)
-        )
+
+def _follows_jump(camera: _Camera, place: Place) -> bool:
+    """Whether a frame counts on from the last one behind a large step; also if it is sent again."""
+    last = camera.jump
+    return last is not None and last.index <= place.index and last.stamp_ns <= place.stamp_ns
 
 
 def _is_large_step(newest: Place, place: Place) -> bool:

@@ -83,12 +83,25 @@ def test_absurd_indices_beside_those_of_the_camera_stay_refused():
         assert _new(order, camera, row, 10 * k) == [k]
 
 
+def test_a_camera_whose_count_jumps_is_new_again_beside_another_camera():
+    order, camera, other = FrameOrder(), new_publisher(), new_publisher()
+    order.is_new(camera, 0)
+    kinds = []
+    for k in range(MOST_REFUSED + 2):
+        assert _new(order, other, [k], k) == [k]
+        kinds.append(bool(_new(order, camera, [2**50 + k], k)))
+    assert kinds == MOST_REFUSED * [False] + 2 * [True]
+
+
 def test_frames_that_were_not_refused_are_new_behind_a_jump():
-    """As poses in the mapper, and frames in a log."""
+    """As poses in the mapper, and frames in a log. A reader of a log learns of each jump."""
     order, camera = FrameOrder(), new_publisher()
     assert [order.is_new(camera, index) for index in (3, 2**50, 2**50, 2**50 + 1)] == [
         True, True, False, True
     ]  # fmt: skip
+    for index in (2**51, 2**52):
+        assert order.place(camera, index).kind == "absurd"
+        assert order.is_new(camera, index)
 
 
 def test_a_restarted_reader_goes_on_with_the_count_that_it_left():
@@ -101,6 +114,13 @@ def test_a_restarted_reader_goes_on_with_the_count_that_it_left():
     assert again.place(7, 0, 100) == order.place(7, 0, 100)
     assert again.place(7, 1, 101) == order.place(7, 1, 101)
     assert again.place(7, 0, 102).publisher not in (7, second)
+
+
+def test_a_restarted_reader_refuses_no_camera_whose_index_is_a_time_in_ns():
+    order, camera = FrameOrder(), new_publisher()
+    for index in (33_333_333, 66_666_666):
+        order.resume(camera, index, index)
+    assert order.place(camera, 99_999_999, 99_999_999).kind == "new"
 
 
 def test_old_cameras_are_forgotten_and_the_newest_are_not():

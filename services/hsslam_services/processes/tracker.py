@@ -10,6 +10,7 @@ Arena: reads map_state, map; writes keyframes, pose_log, load_level
 import math
 import time
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from hsslam_node.errors import OutOfMemoryError, UserError
@@ -121,7 +122,9 @@ class _TrackerLoop:
         )
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
-        for row in self._poses.log.newest_of_each():
+        log = self._poses.log
+        before_last = log.slabs(range(max(log.count - 2, 0), max(log.count - 1, 0)))  # shows a jump
+        for row in (*chain.from_iterable(before_last), *log.newest_of_each()):
             order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
         store = self._link.store()
         if store is not None and store.count > 0:

@@ -110,6 +110,27 @@ def test_a_pose_of_a_fragment_says_that_odometry_alone_placed_it(make_run: Calla
             assert heard.is_dead_reckoned == is_reckoned
 
 
+@pytest.mark.parametrize("frames", [0, 1, 2, 3])
+def test_a_restarted_tracker_goes_on_with_an_index_that_is_a_time_in_ns(
+    make_run: Callable[..., RunInfo], frames: int
+):
+    run = make_run(slam=PRESETS["realtime"])
+    camera, message = new_publisher(), frame_message(_frames_of(160, 1)[0], 1, _CAMERA)
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        out = PosesOut(
+            worker, SharedMap(worker.arena, PRESETS["realtime"]), MapState(run.arena_dir)
+        )
+        for index in range(0, frames * 33_333_333, 33_333_333):
+            place = FrameOrder().place(camera, index, message.stamp_ns)
+            out.put(TrackResult.without_map(index), Received(message, place, *3 * [1], 0))
+        order = FrameOrder()
+        _TrackerLoop(worker, worker.bus.subscribe(topics.FRAME, 4), order)
+        kind = order.place(camera, 100_000_000, message.stamp_ns + 1).kind
+    assert kind == (
+        "absurd" if frames == 1 else "new"
+    )  # one frame does not show the camera's steps
+
+
 def _one_slab(log: PoseLog, k: int, slab=PoseLog._slab) -> np.ndarray:
     """The memory has room for the first slab alone."""
     if k:
