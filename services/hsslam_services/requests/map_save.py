@@ -3,17 +3,18 @@
 import contextlib
 import subprocess
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import msgspec
 
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.bus.requests import PendingRequest
-from hsslam_services.disk.disk_work import DiskWork
+from hsslam_services.disk.disk_work import STEP_S, DiskWork
 from hsslam_services.launch.process_table import MAP_SAVER, ONE_SHOT_TIMEOUT_S
 from hsslam_services.launch.spawn import Process, Spawn, last_error, not_started, process_name
 from hsslam_services.run.maps_folder import SAVE_REQUEST
-from hsslam_services.run.process_result import clear_result, result_in_time
+from hsslam_services.run.process_result import ProcessResult, clear_result, read_result
 from hsslam_services.run.run_info import RunInfo, write_atomically
 
 _KILL_TIMEOUT_S = 5.0
@@ -36,6 +37,7 @@ class MapSaving:
         self._timeout_s, self._deadline_s = timeout_s, 0.0
         self._asked: PendingRequest | None = None
         self._process: Process | None = None
+        self._result: Future[ProcessResult] | None = None  # once the process has ended
 
     @property
     def is_busy(self) -> bool:
@@ -59,13 +61,26 @@ class MapSaving:
         if self._process is None:
             return
         code = self._process.poll()
-        if code is None:
-            if self._asked is not None and time.monotonic() > self._deadline_s:
-                self._process.kill()
-                self._refuse(f"not done after {self._timeout_s:g} s: killed")
+        if code is not None:
+            self._ended(code)
+        elif self._asked is not None and time.monotonic() > self._deadline_s:
+            self._process.kill()
+            self._refuse(f"not done after {self._timeout_s:g} s: killed")
+
+    def _ended(self, code: int) -> None:
+        """Answer once the disk gives the result of the process, for which it has a limited time."""
+        if self._result is None:
+            name = process_name(MAP_SAVER)
+            self._result = self._disk.ask(lambda: read_result(self._run.path, name))
+            self._deadline_s = time.monotonic() + STEP_S
+        if self._result.done():
+            result = self._result.result()
+        elif time.monotonic() > self._deadline_s:
+            self._result.cancel()
+            result = ProcessResult(error=f"the disk does not answer for {STEP_S:g} s")
+        else:
             return
-        self._process = None
-        result = result_in_time(self._disk, self._run.path, process_name(MAP_SAVER))
+        self._process, self._result = None, None
         if code == 0 and result.answer and self._asked is not None:
             self._asked.answer(msgspec.convert(result.answer, SavedMap))
             self._asked = None

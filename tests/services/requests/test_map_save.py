@@ -1,16 +1,20 @@
 """A client that has asked for a map to be saved gets an answer, whatever becomes of the saver."""
 
+import os
 import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import msgspec
 import pytest
 
-from hsslam_proto.request_messages import SaveMap
+from hsslam_proto.request_messages import SavedMap, SaveMap
 from hsslam_proto.requests import SAVE
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.requests.map_save import MapSaving
+from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 
 
@@ -42,11 +46,52 @@ def test_a_client_is_told_of_a_saver_that_hangs(run_info: RunInfo, timeout_s: fl
     assert hangs[0].poll() is not None
 
 
+def test_a_client_is_told_of_a_saved_map_though_the_disk_is_slow(run_info: RunInfo):
+    """A pipe without a writer, which a reader cannot open, is a disk that is slow."""
+    slow = run_info.path / "slow"
+    os.mkfifo(slow)
+    disk = DiskWork()
+    saved = SavedMap(name="kitchen", path="maps/kitchen", nbytes=7, keyframes=9)
+
+    def spawn(*_: object) -> subprocess.Popen:
+        result = ProcessResult(answer=msgspec.to_builtins(saved))
+        write_result(run_info.path, "map_saver", result)
+        process = subprocess.Popen(["true"])
+        process.wait()
+        return process
+
+    with (
+        Bus(run_info.endpoint, run_info.robot, "supervisor") as bus,
+        ThreadPoolExecutor(1) as client,
+    ):
+        requests, saving = bus.requests(), MapSaving(run_info, spawn, disk=disk)
+        told = client.submit(_answer, run_info)
+        while (asked := requests.poll()) is None:
+            time.sleep(0.005)
+        saving.ask(asked)
+        disk.ask(slow.read_text)
+        while disk.silent_s() < 1.1:  # longer than a turn of the loop may wait
+            saving.tick()
+            time.sleep(0.005)
+        assert saving.is_busy
+        slow.write_text("")
+        while saving.is_busy:
+            saving.tick()
+            time.sleep(0.005)
+        assert told.result(30) == saved
+
+
 def _refusal(run: RunInfo) -> str:
+    try:
+        _answer(run)
+    except RefusedError as refusal:
+        return str(refusal)
+    return ""
+
+
+def _answer(run: RunInfo) -> object:
     while True:
         try:
-            ask(run.endpoint, run.robot, SAVE, SaveMap(name="kitchen"))
-        except RefusedError as refusal:
-            return str(refusal)
+            return ask(run.endpoint, run.robot, SAVE, SaveMap(name="kitchen"))
         except NoServiceError:  # the router knows the gateway a moment later
             continue
