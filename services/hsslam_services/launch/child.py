@@ -25,7 +25,7 @@ from hsslam_services.launch.spawn import (
     spawn,
 )
 from hsslam_services.run.memory import oom_kills
-from hsslam_services.run.process_result import ProcessResult, clear_result, result_in_time
+from hsslam_services.run.process_result import ProcessResult, clear_result, read_result
 from hsslam_services.run.stop_signals import END_SIGNAL
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
@@ -35,6 +35,7 @@ _OWN_PAUSE_S = 2.0  # a longer one between ticks: the whole run was frozen, as b
 _PATIENCE_S = 10.0  # after such a pause, before a process counts as hung
 _KILL_TIMEOUT_S = 10.0  # for the kernel: a process may hang in a driver
 _QUIET_SHARE = 0.3  # of a time limit, after which the supervisor looks at the threads of a process
+_RESULT_S = 10.0  # from the exit of a process until a slow disk gives its result
 _LAST_MESSAGE_S = 2.0  # from the exit of a process until its last message is here
 _MOST_STARVED = 8.0  # times a time limit that a process may take if it waits for a core
 
@@ -74,6 +75,8 @@ class Child:
         self._has_source_ended = has_source_ended
         # when it exited with code 0, while its last message may still come
         self._finished_s: float | None = None
+        # when it exited with an error that the disk has not given yet
+        self._unexplained_s: float | None = None
         self._oom_kills = 0  # of the system when it was started
         self._policy = RestartPolicy(spec.first_delay_s, spec.longest_delay_s)
         self._process: Process | None = None
@@ -135,6 +138,8 @@ class Child:
         self._forgive_own_pause(now)
         if self._process is not None and (code := self._process.poll()) is not None:
             self._exited(code, now)
+            if self._unexplained_s is not None:
+                return
         if self._process is not None and self._killed_s:
             if self._is_overdue(now - self._killed_s, _KILL_TIMEOUT_S, now):
                 self._abandon()
@@ -189,10 +194,12 @@ class Child:
         self._process, self.state = None, "failed"
 
     def _exited(self, code: int, now: float) -> None:
-        self._process, self.exit_code = None, code
         is_user_error = code == _USER_ERROR
         result = self._result() if is_user_error else ProcessResult()
-        error = last_error(result, self._run_dir, self.spec.module) if is_user_error else ""
+        if result is None and self._is_explained_later(now):
+            return
+        self._process, self.exit_code, self._unexplained_s = None, code, None
+        error = last_error(result or ProcessResult(), self._run_dir, self.spec.module)
         how = f"ended: {error}" if is_user_error else how_it_ended(code)
         if code == -signal.SIGKILL and not self._killed_s and oom_kills() > self._oom_kills:
             how += ", out of memory (in a container: --memory)"
@@ -218,12 +225,26 @@ class Child:
             self._finished_s = None
             self._failed("exited with code 0 before the end of its source", now)
 
-    def _result(self) -> ProcessResult:
-        return result_in_time(self._disk, self._run_dir, self.spec.name)
+    def _result(self) -> ProcessResult | None:
+        """The result of the process; None: the disk does not answer."""
+        try:
+            return self._disk.do(lambda: read_result(self._run_dir, self.spec.name))
+        except TimeoutError:
+            return None
 
-    def _may_come_back(self, result: ProcessResult) -> bool:
-        """Whether the cause of a user error may pass: a lack of memory or of the router, no bad input."""
-        return self._may_pass() and (result.lacks_memory or not self.spec.reads_source)
+    def _is_explained_later(self, now: float) -> bool:
+        """Whether a later tick asks for the result again; an end that was wanted does not wait for it."""
+        if self._unexplained_s is None:
+            self._unexplained_s = now
+        return self.wanted and now - self._unexplained_s < _RESULT_S
+
+    def _may_come_back(self, result: ProcessResult | None) -> bool:
+        """Whether the cause of a user error may pass: a lack of memory or of the router, no bad input.
+
+        An unknown cause (None) may pass.
+        """
+        lacked_memory = result is None or result.lacks_memory
+        return self._may_pass() and (lacked_memory or not self.spec.reads_source)
 
     def _failed(self, how: str, now: float) -> None:
         """Schedule a restart, or give up."""

@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.run.run_info import write_atomically
 
 
@@ -35,14 +34,6 @@ def read_result(run_dir: Path, name: str) -> ProcessResult:
     try:
         return msgspec.json.decode(_path(run_dir, name).read_bytes(), type=ProcessResult)
     except (OSError, msgspec.MsgspecError):  # no file, or cut off by a full disk
-        return ProcessResult()
-
-
-def result_in_time(disk: DiskWork, run_dir: Path, name: str) -> ProcessResult:
-    """As `read_result`; an empty result if the disk does not answer within a second."""
-    try:
-        return disk.do(lambda: read_result(run_dir, name))
-    except TimeoutError:
         return ProcessResult()
 
 

@@ -1,5 +1,6 @@
 """The loop of the supervisor: keeps the processes of a run running, and ends them in order."""
 
+import contextlib
 import datetime
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +35,7 @@ from hsslam_services.launch.spawn import process_name
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
-from hsslam_services.run.process_result import read_result, result_in_time
+from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
 from hsslam_services.security.certificate_validity import CertificateWarnings
 from hsslam_services.supervisor.guard import Guard
@@ -127,9 +128,7 @@ class RunLoop:
             if self._info.options.map:
                 if error := self._run_first(MAP_LOADER):
                     raise UserError(error)
-                name = process_name(MAP_LOADER)
-                loaded = result_in_time(self._disk, self._info.path, name).summary
-                self._listener.state.last_keyframe = loaded.get("keyframes", 0) - 1
+                self._listener.state.last_keyframe = self._loaded_keyframes() - 1
             if not self._should_end():
                 self._gateway.is_loading = False
                 for child in self._children.values():
@@ -317,6 +316,14 @@ class RunLoop:
         """Run a process before the others; returns its error, or "" if the run should end meanwhile."""
         error = self._run_alone(module, self._should_end)
         return "" if self._should_end() else error
+
+    def _loaded_keyframes(self) -> int:
+        """The number of keyframes in the map of `--map`, by the result of its loader; 0: it is unknown."""
+        path, name = self._info.path, process_name(MAP_LOADER)
+        with contextlib.suppress(TimeoutError):
+            loaded = self._disk.do(lambda: read_result(path, name), STEP_S, self._tick)
+            return loaded.summary.get("keyframes", 0)
+        return 0
 
     def _should_end(self) -> bool:
         """Whether a signal or a client has asked for the end."""

@@ -47,11 +47,12 @@ def watch(run_info: RunInfo):
         may_pass: bool = False,
         has_source_ended: Callable[[], bool] = lambda: True,
         by: Spawn = spawn,
+        disk: DiskWork | None = None,
         **fields: float,
     ) -> Child:
         (run_info.path / "behaviour").write_text(behaviour)
         spec = dataclasses.replace(_SPEC, **fields)
-        child = Child(spec, run_info.path, by, lambda: may_pass, has_source_ended)
+        child = Child(spec, run_info.path, by, lambda: may_pass, has_source_ended, disk)
         child.wanted = True
         children.append(child)
         return child
@@ -157,6 +158,27 @@ def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
     if behaviour == "full GPU":
         told = "GPU memory is full: expected 20.00 MiB more free, or --device cpu"
         assert child.news[0].startswith(f"sample_worker ended: {told}: restart")
+
+
+def test_what_lacked_memory_is_tried_again_though_a_slow_disk_gives_the_reason_late(
+    watch, run_info: RunInfo
+):
+    """A pipe without a writer, which a reader cannot open, is a disk that is slow."""
+    start, until = watch
+    slow, disk = run_info.path / "slow", DiskWork()
+    os.mkfifo(slow)
+    child = start("no memory", may_pass=True, reads_source=True, disk=disk)
+    until(lambda: child.is_alive)
+    first = child.pid
+    disk.ask(slow.read_text)
+    try:
+        until(lambda: not Path(f"/proc/{first}").exists() and disk.silent_s() > 1.1)
+        assert (child.state == "failed", child.restarts) == (False, 0)
+    finally:
+        slow.write_text("")
+    until(lambda: child.restarts or child.state == "failed")
+    assert child.restarts == 1
+    assert child.news[0].startswith("sample_worker ended: array x: needs 8 bytes")
 
 
 def test_an_unexpected_error_is_told_in_one_line(watch, run_info: RunInfo):
