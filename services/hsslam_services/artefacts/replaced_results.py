@@ -27,13 +27,14 @@ EARLIER = "earlier"  # folder of results that are kept; further ones have names 
 _FOLDERS = ("logs", "evaluation")
 _PARTIAL = ".*.partial*"  # incomplete files
 _FOLDER = ".replaced"
+_REMOVED = ".replaced-removed"  # what is being removed; further ones have names that begin so
 _IN_ORDER = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
 
 
 class ReplacedResults:
     """The previous results of a run folder; `.replaced` holds them from `set_aside` to another method.
 
-    Moves and removes only files of a run. Every method but `set_aside` does nothing if nothing is set
+    Moves and removes only files of a run. Every method but `set_aside` changes no results if none are set
     aside. All raise OSError if the folder is not writable.
     """
 
@@ -90,16 +91,18 @@ class ReplacedResults:
 
     def replace(self) -> str:
         """The new run has poses: remove the previous results, or keep them if their run did not end in order;
-        returns the name of the folder that keeps them, or ""."""
-        if not self.exists:
-            return ""
-        if read_summary(self._aside).get("exit_code") not in _IN_ORDER:
+        returns the name of the folder that keeps them, or "". Also removes what a killed process left."""
+        if self.exists and read_summary(self._aside).get("exit_code") not in _IN_ORDER:
             return self.keep()
         self._remove()
         return ""
 
     def _remove(self) -> None:
-        shutil.rmtree(self._aside, ignore_errors=True)
+        """Remove the previous results, in one step for all that look for them."""
+        with contextlib.suppress(OSError):  # there are none
+            self._aside.rename(self._free_folder(_REMOVED))
+        for path in self._run_dir.glob(f"{_REMOVED}*"):
+            shutil.rmtree(path, ignore_errors=True)
 
     def recover(self) -> None:
         """After a killed run: keep the previous results beside its own, or put them back if it has none."""

@@ -47,7 +47,7 @@ from hsslam_services.supervisor.stop_reason import StopReason, of_processes, use
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
 _HURRIED_S = 5.0  # for the summary after a second signal
-_LONGEST_REQUEST_S = 60.0  # for a save or reset in progress when the run ends
+_LONGEST_REQUEST_S = 60.0  # for a save, reset or removal in progress when the run ends
 
 
 class RunLoop:
@@ -213,7 +213,7 @@ class RunLoop:
 
     def _replace_results(self) -> None:
         """Remove or keep the results of the previous run as soon as this one cannot be refused any more."""
-        if self._replacing is None and not (self._is_replaced or self._may_be_refused):
+        if not (self.has_begun_to_replace or self._may_be_refused):
             self._replacing = self._removals.ask(self._replaced.replace)
         if self._replacing is not None and self._replacing.done():
             asked, self._replacing = self._replacing, None  # tried again if it raises
@@ -222,6 +222,11 @@ class RunLoop:
             if name:
                 text = f"the previous run did not end in order: its results are in {name}"
                 self._status.say(f"--out {self._info.run_dir}: {text}")
+
+    @property
+    def has_begun_to_replace(self) -> bool:
+        """Whether the results of the previous run are being removed or kept, or have been."""
+        return self._is_replaced or self._replacing is not None
 
     @property
     def _may_be_refused(self) -> bool:
@@ -267,7 +272,7 @@ class RunLoop:
             disk=self._disk,
         )
         end.to_the_end()
-        self._wait_while(lambda: self._gateway.is_busy or self._replacing is not None)
+        self._wait_while(lambda: self._gateway.is_busy)
         within_s = STEP_S if self._signals() < 2 else _HURRIED_S
         try:
             summary = self._disk.do(lambda: self._summary(reason, stop_s, end), within_s)
@@ -276,9 +281,11 @@ class RunLoop:
         except OSError as error:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
         self.not_saved, self.given_up = end.not_saved, end.given_up
+        # last, as `docker stop` grants 10 s: the next run removes what is left
+        self._wait_while(lambda: self._replacing is not None)
 
     def _wait_while(self, is_busy: Callable[[], bool]) -> None:
-        """Let a client's request finish, for a limited time."""
+        """Let a client's request or a removal finish, for a limited time."""
         deadline_s = time.monotonic() + _LONGEST_REQUEST_S
         while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()

@@ -106,7 +106,8 @@ class Supervisor:
             raise
         else:
             self._free(arena, info, run.not_saved, run.given_up, disk)
-            self._keep_replaced(prepared, disk)
+            if not run.has_begun_to_replace:
+                self._keep_replaced(prepared, disk)
             is_in_order = True
             return code
         finally:

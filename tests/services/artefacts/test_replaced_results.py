@@ -53,6 +53,21 @@ def test_results_go_once_the_next_run_has_poses(run_dir: Path):
     assert _content(run_dir) == {"mine.txt": "mine.txt of before", "trajectory.txt": "new"}
 
 
+def test_results_that_are_being_removed_are_not_kept_and_the_next_run_removes_the_rest(
+    run_dir: Path, monkeypatch: pytest.MonkeyPatch
+):
+    results = ReplacedResults(run_dir)
+    results.set_aside()
+    with monkeypatch.context() as killed:
+        killed.setattr(shutil, "rmtree", lambda *_, **__: None)
+        assert results.replace() == ""
+        assert ReplacedResults(run_dir).keep() == ""
+        assert not ReplacedResults(run_dir).exists
+    (run_dir / "trajectory.txt").write_text("new")
+    assert ReplacedResults(run_dir).replace() == ""
+    assert _content(run_dir) == {"mine.txt": "mine.txt of before", "trajectory.txt": "new"}
+
+
 @pytest.mark.parametrize("exit_code", [3, 4, None])  # None: it was killed
 def test_results_of_a_run_that_did_not_end_in_order_stay(run_dir: Path, exit_code: int | None):
     (run_dir / "summary.json").write_text(
