@@ -1,5 +1,6 @@
 """File work on the run folder in a thread of its own, so that a disk that hangs stops no loop."""
 
+import contextlib
 import errno
 import os
 import threading
@@ -13,6 +14,7 @@ from typing import TypeVar
 _SHORT_S = 0.05  # most file work takes less, and needs no further turn
 _WITHIN_S = 1.0  # that one turn of a loop may wait
 STEP_S = 60.0  # for a step at the end of a run: a disk that is busy takes that long for a sync
+_HURRIED_S = 5.0  # for any step once the user does not want to wait
 _PROBED_EVERY_S = 5.0
 _T = TypeVar("_T")
 
@@ -24,7 +26,8 @@ class DiskWork:
     What it was asked for it may still do later. If no thread can be started, the caller does the work.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, hurried_s: float = _HURRIED_S) -> None:
+        self._hurried_s = hurried_s
         self._waiting: SimpleQueue[tuple[Future, Callable[[], object]]] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._begun_s: float | None = None  # of the work in progress
@@ -50,40 +53,54 @@ class DiskWork:
         action: Callable[[], _T],
         within_s: float = _WITHIN_S,
         turn: Callable[[], object] | None = None,
+        is_hurried: Callable[[], bool] | None = None,
     ) -> _T:
         """Wait for the result of `action`; calls `turn` meanwhile, if it is given.
 
         Raises:
-            TimeoutError: the disk does not answer within `within_s`.
+            TimeoutError: the disk does not answer within `within_s`, or 5 s if `is_hurried()`.
         """
-        steps = self.steps(action, within_s, _SHORT_S if turn else within_s)
-        while True:
-            try:
-                next(steps)
-            except StopIteration as end:
-                return end.value
-            if turn is not None:
-                turn()
+        wait_s = _SHORT_S if turn or is_hurried else within_s
+        with contextlib.closing(self.steps(action, within_s, wait_s, is_hurried)) as steps:
+            while True:
+                try:
+                    next(steps)
+                except StopIteration as end:
+                    return end.value
+                if turn is not None:
+                    turn()
 
     def steps(
-        self, action: Callable[[], _T], within_s: float, wait_s: float = _SHORT_S
+        self,
+        action: Callable[[], _T],
+        within_s: float,
+        wait_s: float = _SHORT_S,
+        is_hurried: Callable[[], bool] | None = None,
     ) -> Generator[None, None, _T]:
         """As `do`, in steps that take at most `wait_s`."""
-        deadline_s = time.monotonic() + within_s - self.silent_s()
-        asked = self.ask(action) if time.monotonic() < deadline_s else None
-        while asked is not None and not asked.done() and (now_s := time.monotonic()) < deadline_s:
-            wait((asked,), min(wait_s, deadline_s - now_s))
-            if not asked.done():
-                yield
-        if asked is None or not asked.done():
-            if asked is not None:
+        begun_s = time.monotonic() - self.silent_s()
+
+        def left_s() -> float:
+            is_short = is_hurried is not None and is_hurried()
+            limit_s = min(within_s, self._hurried_s) if is_short else within_s
+            return begun_s + limit_s - time.monotonic()
+
+        if left_s() > 0:
+            asked = self.ask(action)
+            try:
+                while not asked.done() and (rest_s := left_s()) > 0:
+                    wait((asked,), min(wait_s, rest_s))
+                    if not asked.done():
+                        yield
+                if asked.done():
+                    return asked.result()
+            finally:
                 asked.cancel()  # unless it is in progress
-            text = f"the disk does not answer for {max(self.silent_s(), within_s):.0f} s"
-            raise TimeoutError(errno.ETIMEDOUT, text)
-        return asked.result()
+        text = f"the disk does not answer for {time.monotonic() - begun_s:.0f} s"
+        raise TimeoutError(errno.ETIMEDOUT, text)
 
     def _start(self) -> None:
-        if self._thread is None:
+        if self._thread is None or not self._thread.is_alive():
             thread = threading.Thread(target=self._work, name="disk work", daemon=True)
             thread.start()
             self._thread = thread

@@ -1,6 +1,7 @@
 """File work in a thread. A pipe without a writer, which a reader cannot open, is a disk that hangs."""
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,6 +57,34 @@ def test_a_loop_goes_on_while_the_disk_works(pipe: Path):
 
     assert disk.do(pipe.read_text, 20.0, turn) == "text"
     assert len(turns) >= 3
+
+
+def test_a_user_who_does_not_want_to_wait_ends_a_long_wait(pipe: Path):
+    disk = DiskWork(hurried_s=0.3)
+    disk.ask(pipe.read_text)
+    begun_s = time.monotonic()
+    with pytest.raises(TimeoutError, match="the disk does not answer for"):
+        disk.do(lambda: None, 20.0, is_hurried=lambda: time.monotonic() > begun_s + 0.1)
+    assert time.monotonic() - begun_s < 5
+
+
+def test_work_of_a_loop_that_raises_is_not_done(pipe: Path):
+    disk, done = DiskWork(), []
+    read = disk.ask(pipe.read_text)
+    with pytest.raises(ZeroDivisionError):
+        disk.do(lambda: done.append(1), 20.0, lambda: 1 // 0)
+    pipe.write_text("text")
+    assert read.result(20) == "text"
+    disk.do(lambda: None)
+    assert done == []
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_that_has_ended_is_replaced():
+    disk = DiskWork()
+    with pytest.raises(TimeoutError):
+        disk.do(sys.exit, 0.2)
+    assert disk.do(lambda: "answers") == "answers"
 
 
 def test_work_that_is_given_up_before_its_turn_is_not_done(pipe: Path):
