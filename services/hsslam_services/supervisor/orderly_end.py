@@ -219,7 +219,7 @@ class OrderlyEnd:
     def _judge(self, artefact: str, why: Callable[[], str]) -> None:
         """Miss an artefact for the reason that files in the run folder give; also if they cannot be read."""
         try:
-            lost = self.disk.do(why, STEP_S, self.turn)
+            lost = self.disk.do(why, STEP_S, self.turn, lambda: self.signals() > 1)
         except OSError as error:
             lost = f"{self.run.path}: {error.strerror}"
         if lost:

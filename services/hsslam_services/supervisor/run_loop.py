@@ -46,7 +46,6 @@ from hsslam_services.supervisor.stop_reason import StopReason, of_processes, use
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
-_HURRIED_S = 5.0  # for the summary after a second signal
 _LONGEST_REQUEST_S = 60.0  # for a save, reset or removal in progress when the run ends
 
 
@@ -273,9 +272,12 @@ class RunLoop:
         )
         end.to_the_end()
         self._wait_while(lambda: self._gateway.is_busy)
-        within_s = STEP_S if self._signals() < 2 else _HURRIED_S
         try:
-            summary = self._disk.do(lambda: self._summary(reason, stop_s, end), within_s)
+            summary = self._disk.do(
+                lambda: self._summary(reason, stop_s, end),
+                STEP_S,
+                is_hurried=lambda: self._signals() > 1,
+            )
             if evaluation := summary.get("evaluation"):
                 self._status.say(evaluation_line(evaluation, summary.get("frames", {})))
         except OSError as error:
@@ -328,7 +330,9 @@ class RunLoop:
         """The number of keyframes in the map of `--map`, by the result of its loader; 0: it is unknown."""
         path, name = self._info.path, process_name(MAP_LOADER)
         with contextlib.suppress(TimeoutError):
-            loaded = self._disk.do(lambda: read_result(path, name), STEP_S, self._tick)
+            loaded = self._disk.do(
+                lambda: read_result(path, name), STEP_S, self._tick, self._should_end
+            )
             return loaded.summary.get("keyframes", 0)
         return 0
 

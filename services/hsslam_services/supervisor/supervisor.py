@@ -9,6 +9,7 @@ import contextlib
 import signal
 import traceback
 from collections.abc import Callable, Collection, Mapping
+from typing import TypeVar
 
 from hsslam_node.durable_file import remove_partial_files
 from hsslam_node.errors import UserError, one_line
@@ -28,6 +29,8 @@ from hsslam_services.supervisor.descriptors import allow_descriptors
 from hsslam_services.supervisor.kept_watchdog import KeptWatchdog
 from hsslam_services.supervisor.preparation import Prepared, prepare
 from hsslam_services.supervisor.run_loop import RunLoop
+
+_T = TypeVar("_T")
 
 
 class Supervisor:
@@ -97,11 +100,11 @@ class Supervisor:
                 with contextlib.suppress(
                     OSError
                 ):  # files of savers that were killed cost only room
-                    disk.do(lambda: remove_partial_files(info.path), STEP_S)
+                    self._do(disk, lambda: remove_partial_files(info.path))
         except UserError:
             with contextlib.suppress(TimeoutError):  # else the next run does both
-                disk.do(arena.remove, STEP_S)
-                disk.do(prepared.give_back, STEP_S)
+                self._do(disk, arena.remove)
+                self._do(disk, prepared.give_back)
             is_in_order = True
             raise
         else:
@@ -129,7 +132,7 @@ class Supervisor:
         """Remove the arena, unless it holds results that could not be saved; then also those given up."""
         if not any(name in not_saved for name in ARENA_ARTEFACTS) or not pose_count(arena.path):
             with contextlib.suppress(TimeoutError):  # else the next run removes it
-                disk.do(arena.remove, STEP_S)
+                self._do(disk, arena.remove)
             return
         kept = [name for name in ARENA_ARTEFACTS if name in not_saved or name in given_up]
         with contextlib.suppress(OSError):  # the memory is full; the folder says enough
@@ -140,9 +143,17 @@ class Supervisor:
     def _keep_replaced(self, prepared: Prepared, disk: DiskWork) -> None:
         """Keep the results of the previous run if this run ended before it had poses."""
         with contextlib.suppress(OSError):  # else the next run in this folder keeps them
-            if name := disk.do(prepared.replaced.keep, STEP_S):
+            if name := self._do(disk, prepared.replaced.keep):
                 text = f"this run has no poses: the results of the previous run are in {name}"
                 say_at_end(f"{prepared.info.run_dir}: {text}")
+
+    def _do(self, disk: DiskWork, action: Callable[[], _T]) -> _T:
+        """Wait for file work at the end of the run; the second signal shortens the wait.
+
+        Raises:
+            TimeoutError: the disk does not answer.
+        """
+        return disk.do(action, STEP_S, is_hurried=lambda: self._signals > 1)
 
     def _signalled(self, count: int) -> None:
         self._signals = count

@@ -1,5 +1,6 @@
 """What the end of a run calls missing."""
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from hsslam_services.arena.arena import Arena
 from hsslam_services.artefacts.fragment_names import FRAGMENTS_NOT_SAVED
 from hsslam_services.artefacts.lost_results import LOG_FAILURES, POSES_NOT_LOGGED
 from hsslam_services.bus.bus import Bus
+from hsslam_services.disk.disk_work import DiskWork
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import (
@@ -180,6 +182,20 @@ def test_a_fragment_that_the_tracker_could_not_save_is_missing(run_info):
     end.to_the_end()
     why = "fragment 2: the disk is full; fragment 3: its tracker ended before: lost"
     assert end.not_saved == {"fragments": why}
+
+
+def test_a_second_signal_ends_the_wait_for_a_disk_that_hangs(run_info):
+    """A pipe without a writer, which a reader cannot open, is a disk that hangs."""
+    pipe, disk = run_info.path / "pipe", DiskWork(hurried_s=0.2)
+    os.mkfifo(pipe)
+    disk.ask(pipe.read_text)
+    end = _end(run_info)
+    end.disk, end.signals = disk, lambda: 2
+    begun_s = time.monotonic()
+    end.to_the_end()
+    assert time.monotonic() - begun_s < 10
+    assert end.not_saved["poses"].startswith(f"{run_info.path}: the disk does not answer for")
+    pipe.write_text("")
 
 
 @pytest.mark.parametrize("stuck", ["camera", "tracker"])
