@@ -6,6 +6,7 @@ Arena: reads pose_log; writes map_state
 """
 
 import contextlib
+import shutil
 import signal
 import traceback
 from collections.abc import Callable, Collection, Mapping
@@ -102,8 +103,8 @@ class Supervisor:
                 ):  # files of savers that were killed cost only room
                     self._do(disk, lambda: remove_partial_files(info.path))
         except UserError:
-            with contextlib.suppress(TimeoutError):  # else the next run does both
-                self._do(disk, arena.remove)
+            self._remove(arena, disk)
+            with contextlib.suppress(TimeoutError):  # else the next run does it
                 self._do(disk, prepared.give_back)
             is_in_order = True
             raise
@@ -131,14 +132,20 @@ class Supervisor:
     ) -> None:
         """Remove the arena, unless it holds results that could not be saved; then also those given up."""
         if not any(name in not_saved for name in ARENA_ARTEFACTS) or not pose_count(arena.path):
-            with contextlib.suppress(TimeoutError):  # else the next run removes it
-                self._do(disk, arena.remove)
+            self._remove(arena, disk)
             return
         kept = [name for name in ARENA_ARTEFACTS if name in not_saved or name in given_up]
         with contextlib.suppress(OSError):  # the memory is full; the folder says enough
             mark_unsaved(arena.path, info.path, kept)
         text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"
         say_at_end(text)
+
+    def _remove(self, arena: ArenaFolder, disk: DiskWork) -> None:
+        """Remove the arena; if the disk does not answer, its arrays there stay, but no memory is lost."""
+        try:
+            self._do(disk, arena.remove)
+        except TimeoutError:
+            shutil.rmtree(arena.path, ignore_errors=True)
 
     def _keep_replaced(self, prepared: Prepared, disk: DiskWork) -> None:
         """Keep the results of the previous run if this run ended before it had poses."""

@@ -1,5 +1,6 @@
 """Which memory a run leaves for a rescue, and as what it is marked."""
 
+import os
 from collections.abc import Mapping, Sequence
 
 import pytest
@@ -33,3 +34,17 @@ def test_what_could_not_be_saved_is_kept_with_what_was_given_up(
     assert arena.path.exists() == (kept is not None)
     unsaved = read_unsaved(arena.path)
     assert (unsaved and unsaved.artefacts) == kept
+
+
+def test_no_memory_stays_though_the_disk_hangs_at_the_end(run_info: RunInfo):
+    """A pipe without a writer, which a reader cannot open, is a disk that hangs."""
+    pipe, disk = run_info.path / "pipe", DiskWork(hurried_s=0.2)
+    os.mkfifo(pipe)
+    disk.ask(pipe.read_text)
+    arena = ArenaFolder("removed", run_info.path, root=run_info.path)
+    supervisor = Supervisor(run_info.options)
+    supervisor._signalled(2)
+    supervisor._free(arena, run_info, {}, (), disk)
+    assert not arena.path.exists()
+    pipe.write_text("")
+    arena.let_go()
