@@ -118,8 +118,7 @@ class MapReset:
         for child in children:
             child.wanted = False
         yield from _ended(children)
-        with contextlib.suppress(OSError):  # what the tracker lost, before the next one begins
-            yield from self._sum_up("tracker")
+        yield from self._sum_up("tracker")  # what it lost, before the next one begins
         error = yield from self._save_trajectories()
         if not error:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
@@ -164,16 +163,16 @@ class MapReset:
                 process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(_KILL_TIMEOUT_S)
-        result = ProcessResult()
-        with contextlib.suppress(OSError):  # a full disk: only the trajectories matter
-            result = yield from self._sum_up(name)
+        result = yield from self._sum_up(name)
         return last_error(result, self._run.path, TRAJECTORY_SAVER) if code else ""
 
     def _sum_up(self, name: str) -> Generator[None, None, ProcessResult]:
-        """Add the result of a process to the summary; returns it."""
-        result = yield from self._disk.steps(lambda: read_result(self._run.path, name), _DISK_S)
-        add = partial(update_summary, self._run.path, result.summary)
-        yield from self._disk.steps(add, _DISK_S)
+        """Add the result of a process to the summary, unless the disk is full; returns it."""
+        result = ProcessResult()
+        with contextlib.suppress(OSError):  # only the trajectories matter
+            result = yield from self._disk.steps(lambda: read_result(self._run.path, name), _DISK_S)
+            add = partial(update_summary, self._run.path, result.summary)
+            yield from self._disk.steps(add, _DISK_S)
         return result
 
     def _answer(self, error: str) -> None:
