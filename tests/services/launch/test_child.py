@@ -90,7 +90,8 @@ def test_runs_restarts_after_a_kill_and_ends_in_order(watch, run_info: RunInfo):
 def test_while_the_disk_hangs_processes_are_restarted_without_their_log(watch, run_info: RunInfo):
     """A pipe without a reader, which a writer cannot open, is a disk that hangs."""
     start, until = watch
-    child = start("obedient", by=partial(spawn, disk=DiskWork()))
+    disk = DiskWork()
+    child = start("obedient", by=partial(spawn, disk=disk), disk=disk)
     until(lambda: child.state == "running")
     log = log_path(run_info.path, _SPEC.module)
     log.unlink()
@@ -179,6 +180,25 @@ def test_what_lacked_memory_is_tried_again_though_a_slow_disk_gives_the_reason_l
     until(lambda: child.restarts or child.state == "failed")
     assert child.restarts == 1
     assert child.news[0].startswith("sample_worker ended: array x: needs 8 bytes")
+
+
+def test_what_ends_for_a_reason_that_the_disk_never_gives_is_tried_again(
+    watch, run_info: RunInfo, monkeypatch: pytest.MonkeyPatch
+):
+    start, until = watch
+    monkeypatch.setattr("hsslam_services.launch.child._RESULT_S", 0.2)
+    pipe, disk = run_info.path / "pipe", DiskWork()
+    os.mkfifo(pipe)
+    child = start("bad input", may_pass=True, reads_source=True, disk=disk)
+    until(lambda: child.is_alive)
+    first = child.pid
+    disk.ask(pipe.read_text)
+    try:
+        until(lambda: not Path(f"/proc/{first}").exists())
+        (run_info.path / "behaviour").write_text("obedient")
+        until(lambda: child.restarts == 1 and child.state == "running")
+    finally:
+        pipe.write_text("")
 
 
 def test_an_unexpected_error_is_told_in_one_line(watch, run_info: RunInfo):
