@@ -12,9 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hsslam_batch.attempt.fetch import remove_fetched
+from hsslam_batch.plan.batch import FETCHED
 
 _CLAIM = ".claim"  # bytes that the folder may take, and the name of the machine
-_UNUSED_S = 3600.0  # a next attempt may continue from what was fetched
+_UNUSED_S = 3600.0
+_UNUSED_FETCH_S = 86400.0  # the next `run` may continue from what was fetched
 
 
 @contextlib.contextmanager
@@ -63,16 +65,19 @@ def held_claims(parent: Path) -> Iterator[tuple[Path, int]]:
                 yield claim.parent, int(stream.read().partition(b" ")[0] or 0)
 
 
-def remove_ended(parent: Path, unused_s: float = _UNUSED_S) -> bool:
-    """Remove the folders in a folder whose attempts have ended on this machine, except those in which
-    something has changed in the last `unused_s` seconds; returns whether it has removed any."""
+def remove_ended(parent: Path, unused_s: float | None = None, but: Path | None = None) -> bool:
+    """Remove the folders in a folder whose attempts have ended on this machine, except `but` and those in
+    which something has changed in the last `unused_s` seconds (None: a day for fetched logs, else an hour);
+    returns whether it has removed any."""
     is_any = False
     with contextlib.suppress(OSError), locked(parent):
         for claim in parent.glob(f"*/{_CLAIM}"):
             with contextlib.suppress(OSError), claim.open("rb+") as stream:
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # OSError: it lives
                 is_of_here = stream.read().partition(b" ")[2] == _here()
-                if is_of_here and time.time() - _changed_s(claim.parent) >= unused_s:
+                least_s = _unused_s(claim.parent) if unused_s is None else unused_s
+                is_old = time.time() - _changed_s(claim.parent) >= least_s
+                if is_of_here and is_old and claim.parent != but:
                     remove_fetched(claim.parent)
                     is_any |= not claim.exists()
     return is_any
@@ -97,6 +102,11 @@ def locked(folder: Path) -> Iterator[None]:
 def _here() -> bytes:
     """The name of this machine."""
     return os.fsencode(platform.node())
+
+
+def _unused_s(folder: Path) -> float:
+    """How long a folder stays unused, s."""
+    return _UNUSED_FETCH_S if folder.name.endswith(FETCHED) else _UNUSED_S
 
 
 def _changed_s(folder: Path) -> float:

@@ -103,15 +103,15 @@ def serve_log(
 ) -> Outcome:
     """Run a log and commit the outcome; `on_frames` gets the number of frames that are done.
 
-    First removes what killed attempts have left on this machine.
+    First removes what killed attempts have left on this machine, except what was fetched of this log.
 
     Raises:
         CancelledError: one of `cancel_fds` became readable before the end.
         OSError: the folder of the batch cannot be written.
     """
-    for folder in {*batch.works(), terms.scratch or batch.work}:
-        remove_ended(folder)
     place = place_of(batch, log, terms)
+    for folder in {*batch.works(), place.fetched.parent}:
+        remove_ended(folder, but=place.fetched)
     with held_claim(place.folder):
         try:
             with contextlib.ExitStack() as at_end:

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from hsslam_batch.attempt.claim import held_claim, remove_ended
-from hsslam_batch.attempt.serve_log import Terms, serve_log
+from hsslam_batch.attempt.serve_log import Terms, place_of, serve_log
+from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.plan import tried
 from hsslam_batch.plan.log import read_manifest
 from tests.batch.object_store import reach
@@ -27,12 +28,12 @@ with held_claim(Path(sys.argv[1])):
 """
 
 
-def _left(folder: Path) -> Path:
-    """A folder of an attempt that was killed two hours ago."""
+def _left(folder: Path, hours: float = 2.0) -> Path:
+    """A folder of an attempt that was killed so long ago."""
     with held_claim(folder):
         (folder / "run").mkdir()
         (folder / "run" / "run.mcap").touch()
-    past_s = time.time() - 7200
+    past_s = time.time() - 3600 * hours
     for path in folder.rglob("*"):
         os.utime(path, (past_s, past_s))
     return folder
@@ -71,3 +72,15 @@ def test_an_attempt_removes_what_killed_ones_have_left_on_its_machine(tmp_path: 
     with pytest.raises(OSError, match="Could not connect"):
         serve_log(dataclasses.replace(batch, url="s3://fleet/a"), log, Terms())
     assert not other.exists() or not list(other.iterdir())
+
+
+def test_a_fetched_part_waits_a_day_for_the_next_run_and_its_own_attempt_never_removes_it(
+    tmp_path: Path,
+):
+    batch, scratch = planned(tmp_path / "out"), tmp_path / "scratch"
+    log = dataclasses.replace(read_manifest(batch.out)[0], place="s3://fleet/log0")
+    terms = Terms(1, 2, Limits(timeout_s=1e-6), scratch)
+    own = _left(place_of(batch, log, terms).fetched, hours=48)
+    new, old = (_left(scratch / f"{name}.log", n) for name, n in (("new", 23), ("old", 25)))
+    assert serve_log(batch, log, terms).kind == "timeout"
+    assert [folder.exists() for folder in (own / "run", new, old)] == [True, True, False]
