@@ -65,22 +65,25 @@ def held_claims(parent: Path) -> Iterator[tuple[Path, int]]:
                 yield claim.parent, int(stream.read().partition(b" ")[0] or 0)
 
 
-def remove_ended(parent: Path, unused_s: float | None = None, but: Path | None = None) -> bool:
+def remove_ended(parent: Path, but: Path | None = None) -> None:
     """Remove the folders in a folder whose attempts have ended on this machine, except `but` and those in
-    which something has changed in the last `unused_s` seconds (None: a day for fetched logs, else an hour);
-    returns whether it has removed any."""
-    is_any = False
+    which something has changed in the last hour, or in the last day for fetched logs."""
     with contextlib.suppress(OSError), locked(parent):
-        for claim in parent.glob(f"*/{_CLAIM}"):
-            with contextlib.suppress(OSError), claim.open("rb+") as stream:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # OSError: it lives
-                is_of_here = stream.read().partition(b" ")[2] == _here()
-                least_s = _unused_s(claim.parent) if unused_s is None else unused_s
-                is_old = time.time() - _changed_s(claim.parent) >= least_s
-                if is_of_here and is_old and claim.parent != but:
-                    remove_fetched(claim.parent)
-                    is_any |= not claim.exists()
-    return is_any
+        for folder, changed_s in ended_claims(parent):
+            if folder != but and time.time() - changed_s >= _unused_s(folder):
+                remove_fetched(folder)
+
+
+def ended_claims(parent: Path) -> list[tuple[Path, float]]:
+    """The folders in a folder whose attempts have ended on this machine, and when something in each last
+    changed, s since 1970; the oldest first. It stays so while `parent` is locked."""
+    found = []
+    for claim in parent.glob(f"*/{_CLAIM}"):
+        with contextlib.suppress(OSError), claim.open("rb+") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # OSError: it lives
+            if stream.read().partition(b" ")[2] == _here():
+                found.append((claim.parent, _changed_s(claim.parent)))
+    return sorted(found, key=lambda each: each[1])
 
 
 @contextlib.contextmanager

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hsslam_batch.attempt.claim import (
+    ended_claims,
     held_claim,
     held_claims,
     is_alone,
     locked,
-    remove_ended,
     write_claim,
 )
 from hsslam_batch.attempt.fetch import remove_fetched
@@ -47,8 +47,8 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
     """Make a folder for a log of `nbytes` bytes, wait for room on its disk, and remove it after the block,
     unless another attempt at this log uses it.
 
-    If the room is short, it removes what attempts that have ended have left. While the logs of other attempts
-    take the room, it calls `pause` and looks again.
+    If the room is short, it removes what attempts that have ended have left, the oldest first, until the log
+    fits. While the logs of other attempts take the room, it calls `pause` and looks again.
 
     Raises:
         SmallDiskError: the log would not fit on the disk if it were empty.
@@ -67,22 +67,30 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
 
 
 def _claimed(nbytes: int, folder: Path, claim_fd: int) -> bool:
-    """Whether the log fits now and its room is claimed."""
+    """Whether the log fits now and its room is claimed; removes what attempts have left if it may fit so."""
     with locked(folder.parent):
-        usage, lack = shutil.disk_usage(folder), nbytes - folder_nbytes(folder)
-        others = list(_others(folder))
-        if lack + sum(other.rest for other in others) <= usage.free:
-            write_claim(claim_fd, nbytes)
-            return True
-    if remove_ended(folder.parent, unused_s=0.0):
-        return _claimed(nbytes, folder, claim_fd)
-    if nbytes > usage.total:
-        text = f"a disk of {usage.total / 1e6:.1f} MB, {nbytes / 1e6:.1f} MB needed"
-        raise SmallDiskError(errno.EFBIG, text, str(folder.parent))
-    if lack > (most := usage.free + sum(other.here for other in others)):
-        text = f"{most / 1e6:.1f} MB free, {lack / 1e6:.1f} MB needed"
-        raise OSError(errno.ENOSPC, text, str(folder.parent))
-    return False
+        while True:
+            usage, lack = shutil.disk_usage(folder), nbytes - folder_nbytes(folder)
+            others = list(_others(folder))
+            if lack + sum(other.rest for other in others) <= usage.free:
+                write_claim(claim_fd, nbytes)
+                return True
+            if nbytes > usage.total:
+                text = f"a disk of {usage.total / 1e6:.1f} MB, {nbytes / 1e6:.1f} MB needed"
+                raise SmallDiskError(errno.EFBIG, text, str(folder.parent))
+            left = [each for each, _ in ended_claims(folder.parent)]
+            most = usage.free + sum(other.here for other in others) + sum(map(folder_nbytes, left))
+            if lack > most:
+                text = f"{most / 1e6:.1f} MB free, {lack / 1e6:.1f} MB needed"
+                raise OSError(errno.ENOSPC, text, str(folder.parent))
+            if not any(map(_removed, left)):
+                return False
+
+
+def _removed(folder: Path) -> bool:
+    """Remove a folder; returns whether it is gone."""
+    remove_fetched(folder)
+    return not folder.exists()
 
 
 def _others(folder: Path) -> Iterator[_Other]:

@@ -33,10 +33,15 @@ def _left(folder: Path, hours: float = 2.0) -> Path:
     with held_claim(folder):
         (folder / "run").mkdir()
         (folder / "run" / "run.mcap").touch()
+    _age(folder, hours)
+    return folder
+
+
+def _age(folder: Path, hours: float = 2.0) -> None:
+    """Let all in a folder be so old."""
     past_s = time.time() - 3600 * hours
     for path in folder.rglob("*"):
         os.utime(path, (past_s, past_s))
-    return folder
 
 
 def test_a_folder_goes_once_its_attempt_has_died(tmp_path: Path):
@@ -44,11 +49,17 @@ def test_a_folder_goes_once_its_attempt_has_died(tmp_path: Path):
     command = [sys.executable, "-c", _HOLD, folder]
     attempt = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert attempt.stdout and attempt.stdout.readline() == b"held\n"
-    assert not remove_ended(tmp_path, unused_s=0.0) and folder.exists()
+    _age(folder)
+    remove_ended(tmp_path)
+    assert folder.exists()
     attempt.kill()
     attempt.communicate()
-    assert not remove_ended(tmp_path) and folder.exists()  # a next attempt may go on with it
-    assert remove_ended(tmp_path, unused_s=0.0) and not folder.exists()
+    (folder / "run").touch()
+    remove_ended(tmp_path)
+    assert folder.exists()  # it has just changed
+    _age(folder)
+    remove_ended(tmp_path)
+    assert not folder.exists()
 
 
 def test_folders_of_other_machines_and_of_no_attempt_stay(tmp_path: Path, monkeypatch):
@@ -56,7 +67,8 @@ def test_folders_of_other_machines_and_of_no_attempt_stay(tmp_path: Path, monkey
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr(platform, "node", lambda: "another")
         _left(tmp_path / "id0.1.0123")
-    assert not remove_ended(tmp_path) and len(list(tmp_path.iterdir())) == 2
+    remove_ended(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_an_attempt_removes_what_killed_ones_have_left_on_its_machine(tmp_path: Path, monkeypatch):

@@ -1,6 +1,7 @@
 """Logs of a store wait for room on the disk of a node instead of failing one after the other."""
 
 import contextlib
+import os
 import shutil
 from pathlib import Path
 
@@ -87,6 +88,28 @@ def test_what_an_attempt_has_left_is_not_waited_for(scratch: Path):
         room.is_kept = True
     with room_for(600, scratch / "b", _no_pause):
         assert not (scratch / "a").exists()
+
+
+def test_a_log_takes_the_oldest_of_what_attempts_have_left_and_no_more_than_it_needs(
+    scratch: Path, monkeypatch
+):
+    """What cannot fit removes nothing."""
+    for k, name in enumerate(("new", "old", "middle")):
+        with room_for(300, scratch / name, _no_pause) as room:
+            (scratch / name / "part").write_bytes(bytes(300))
+            room.is_kept = True
+        for path in (scratch / name).iterdir():
+            os.utime(path, (age_s := 1e9 - (0, 2000, 1000)[k], age_s))
+    usage = shutil.disk_usage(scratch)
+    for total, error in ((usage.total, OSError), (_DISK_BYTES, SmallDiskError)):
+        with monkeypatch.context() as small:
+            small.setattr(shutil, "disk_usage", lambda _, total=total: usage._replace(total=total))
+            with pytest.raises(error), room_for(1200, scratch / "large", _no_pause):
+                pass
+    assert sorted(p.name for p in scratch.iterdir() if p.is_dir()) == ["middle", "new", "old"]
+    with room_for(500, scratch / "next", _no_pause):
+        assert (scratch / "new").exists()
+        assert not (scratch / "old").exists() and not (scratch / "middle").exists()
 
 
 def test_an_attempt_that_ends_leaves_the_log_to_another_attempt_at_it(scratch: Path):
