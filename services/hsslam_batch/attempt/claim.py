@@ -1,6 +1,7 @@
 """The claim of an attempt on a folder of this machine: a file that it locks as long as it lives.
 
-Other attempts so know which folders they may remove. File systems without locks keep all folders.
+Other attempts so know which folders they may remove. File systems without locks keep all folders. NFS takes a
+shared lock only of a file that can be read, and an exclusive one only of a file that can be written.
 """
 
 import contextlib
@@ -14,6 +15,8 @@ from pathlib import Path
 from hsslam_batch.attempt.fetch import remove_fetched
 from hsslam_batch.plan.batch import FETCHED
 
+LOCK = ".lock"
+"""A file beside the folders, which stays; it is empty."""
 _CLAIM = ".claim"  # bytes that the folder may take, and the name of the machine
 _UNUSED_S = 3600.0
 _UNUSED_FETCH_S = 86400.0  # the next `run` may continue from what was fetched
@@ -31,7 +34,7 @@ def held_claim(folder: Path) -> Iterator[int]:
     folder.parent.mkdir(parents=True, exist_ok=True)
     with locked(folder.parent):
         folder.mkdir(exist_ok=True)
-        stream = (folder / _CLAIM).open("ab")
+        stream = (folder / _CLAIM).open("a+b")
         if is_alone(stream.fileno()):
             write_claim(stream.fileno(), 0)
         with contextlib.suppress(OSError):
@@ -60,7 +63,7 @@ def is_alone(claim_fd: int) -> bool:
 def held_claims(parent: Path) -> Iterator[tuple[Path, int]]:
     """The folders in a folder whose attempts live, and the bytes that each may take."""
     for claim in parent.glob(f"*/{_CLAIM}"):
-        with contextlib.suppress(OSError), claim.open("rb") as stream:  # it may be gone
+        with contextlib.suppress(OSError), claim.open("rb+") as stream:  # it may be gone
             if not is_alone(stream.fileno()):
                 yield claim.parent, int(stream.read().partition(b" ")[0] or 0)
 
@@ -91,15 +94,12 @@ def locked(folder: Path) -> Iterator[None]:
     """Lock a folder of such folders in the block; without effect on a file system without locks.
 
     Raises:
-        OSError: the folder is missing.
+        OSError: the folder is missing or cannot be written.
     """
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
+    with (folder / LOCK).open("a+") as stream:
         with contextlib.suppress(OSError):
-            fcntl.flock(fd, fcntl.LOCK_EX)
+            fcntl.flock(stream, fcntl.LOCK_EX)
         yield
-    finally:
-        os.close(fd)
 
 
 def _here() -> bytes:

@@ -1,16 +1,19 @@
 """What killed attempts have left on a machine goes with the next attempt; living attempts keep theirs."""
 
 import dataclasses
+import errno
+import fcntl
 import os
 import platform
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import IO
 
 import pytest
 
-from hsslam_batch.attempt.claim import held_claim, remove_ended
+from hsslam_batch.attempt.claim import LOCK, held_claim, held_claims, locked, remove_ended
 from hsslam_batch.attempt.serve_log import Terms, place_of, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.plan import tried
@@ -62,13 +65,33 @@ def test_a_folder_goes_once_its_attempt_has_died(tmp_path: Path):
     assert not folder.exists()
 
 
+def test_claims_hold_on_nfs_too(tmp_path: Path, monkeypatch):
+    """Its locks are those of `fcntl`: a shared one needs a file to read, an exclusive one a file to write."""
+    flock = fcntl.flock
+
+    def of_nfs(file: int | IO, operation: int) -> None:
+        access = fcntl.fcntl(file, fcntl.F_GETFL) & os.O_ACCMODE
+        needed = os.O_RDONLY if operation & fcntl.LOCK_SH else os.O_WRONLY
+        if access not in (needed, os.O_RDWR):
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", of_nfs)
+    with held_claim(tmp_path / "a"):
+        _age(tmp_path / "a")
+        remove_ended(tmp_path)
+        assert [folder for folder, _ in held_claims(tmp_path)] == [tmp_path / "a"]
+    with locked(tmp_path), (tmp_path / LOCK).open("a+") as stream, pytest.raises(BlockingIOError):
+        flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def test_folders_of_other_machines_and_of_no_attempt_stay(tmp_path: Path, monkeypatch):
     (tmp_path / "of-the-user").mkdir()
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr(platform, "node", lambda: "another")
         _left(tmp_path / "id0.1.0123")
     remove_ended(tmp_path)
-    assert len(list(tmp_path.iterdir())) == 2
+    assert {path.name for path in tmp_path.iterdir()} == {LOCK, "of-the-user", "id0.1.0123"}
 
 
 def test_an_attempt_removes_what_killed_ones_have_left_on_its_machine(tmp_path: Path, monkeypatch):
@@ -83,7 +106,7 @@ def test_an_attempt_removes_what_killed_ones_have_left_on_its_machine(tmp_path: 
     monkeypatch.setattr(tried, "_FIRST_WAIT_S", 0.01)
     with pytest.raises(OSError, match="Could not connect"):
         serve_log(dataclasses.replace(batch, url="s3://fleet/a"), log, Terms())
-    assert not other.exists() or not list(other.iterdir())
+    assert [path.name for path in other.iterdir()] == [LOCK]
 
 
 def test_a_fetched_part_waits_a_day_for_the_next_run_and_its_own_attempt_never_removes_it(

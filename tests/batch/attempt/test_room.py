@@ -29,6 +29,10 @@ def _no_pause() -> None:
     pytest.fail("it waits")
 
 
+def _folders(scratch: Path) -> list[str]:
+    return sorted(path.name for path in scratch.iterdir() if path.is_dir())
+
+
 def test_a_log_waits_until_another_one_leaves_the_room(scratch: Path):
     """The first is not yet fetched whole: what is still to come is kept for it, too."""
     first, looks = contextlib.ExitStack(), []
@@ -38,14 +42,14 @@ def test_a_log_waits_until_another_one_leaves_the_room(scratch: Path):
         assert not looks
 
     def pause() -> None:
-        looks.append(len(list(scratch.iterdir())))
+        looks.append(len(_folders(scratch)))
         if len(looks) == 3:
             first.close()
 
     with room_for(500, scratch / "c", pause):
         assert looks == [2, 2, 2] and not (scratch / "a").exists()
         (scratch / "c" / "part").write_bytes(bytes(500))
-    assert not list(scratch.iterdir())
+    assert not _folders(scratch)
 
 
 def test_a_log_that_never_fits_is_refused_at_once(scratch: Path):
@@ -106,7 +110,7 @@ def test_a_log_takes_the_oldest_of_what_attempts_have_left_and_no_more_than_it_n
             small.setattr(shutil, "disk_usage", lambda _, total=total: usage._replace(total=total))
             with pytest.raises(error), room_for(1200, scratch / "large", _no_pause):
                 pass
-    assert sorted(p.name for p in scratch.iterdir() if p.is_dir()) == ["middle", "new", "old"]
+    assert _folders(scratch) == ["middle", "new", "old"]
     with room_for(500, scratch / "next", _no_pause):
         assert (scratch / "new").exists()
         assert not (scratch / "old").exists() and not (scratch / "middle").exists()
