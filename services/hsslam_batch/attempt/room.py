@@ -62,8 +62,13 @@ def room_for(nbytes: int, folder: Path, pause: Callable[[], None]) -> Iterator[R
                 pause()
             yield room
         finally:  # before the others find that this attempt has ended
-            if not room.is_kept and is_alone(claim_fd):
-                remove_fetched(folder)
+            if not room.is_kept:
+                with (
+                    contextlib.suppress(OSError),
+                    locked(folder.parent),
+                ):  # no attempt at this log begins
+                    if is_alone(claim_fd):
+                        remove_fetched(folder)
 
 
 def _claimed(nbytes: int, folder: Path, claim_fd: int) -> bool:

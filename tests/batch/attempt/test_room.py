@@ -1,12 +1,15 @@
 """Logs of a store wait for room on the disk of a node instead of failing one after the other."""
 
 import contextlib
+import fcntl
 import os
 import shutil
 from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt import room as room_module
+from hsslam_batch.attempt.claim import LOCK
 from hsslam_batch.attempt.room import SmallDiskError, room_for
 
 _DISK_BYTES = 1000
@@ -125,3 +128,21 @@ def test_an_attempt_that_ends_leaves_the_log_to_another_attempt_at_it(scratch: P
     assert (scratch / "a" / "part").exists()
     next_one.close()
     assert not (scratch / "a").exists()
+
+
+def test_no_attempt_at_a_log_begins_while_its_folder_is_removed(scratch: Path, monkeypatch):
+    """It would find its claim gone."""
+    remove, is_locked = room_module.remove_fetched, []
+
+    def try_to_begin(folder: Path) -> None:
+        with (scratch / LOCK).open("a+") as stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                is_locked.append(folder)
+        remove(folder)
+
+    monkeypatch.setattr(room_module, "remove_fetched", try_to_begin)
+    with room_for(300, scratch / "a", _no_pause):
+        pass
+    assert is_locked == [scratch / "a"] and not (scratch / "a").exists()
