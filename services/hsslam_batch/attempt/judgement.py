@@ -21,12 +21,14 @@ from hsslam_node.errors import (
 )
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.launch.spawn import how_it_ended
 from hsslam_services.run.camera_progress import SOURCE_FRAMES, UNREAD
 from hsslam_services.run.exit_code import MEANINGS, ExitCode
 from hsslam_services.run.summary import read_summary
 
 _STATUS_LINE = "frame "
 _NOT_SAVED = " not saved: "
+_KILLED = how_it_ended(-signal.SIGKILL)
 _SHORT_OF = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EAGAIN)
 _FAILS = (*STORAGE_FAILS, errno.EROFS)
 _OF_THE_MACHINE = (  # in errors that are not the log's
@@ -98,12 +100,16 @@ def judged_frames(summary: dict[str, Any], expected: int | None) -> tuple[Kind, 
     return "done", ""
 
 
-def judged_with_kills(kind: Kind, reason: str, end: End) -> tuple[Kind, str]:
-    """The same kind and reason, but `out of memory` for a crash while the kernel killed processes."""
-    if kind == "crash" and end.oom_kills:
-        killed = "a process" if end.oom_kills == 1 else f"{end.oom_kills} processes"
-        return "out of memory", f"{reason}; the kernel killed {killed}: expected more --memory"
-    return kind, reason
+def judged_with_kills(kind: Kind, reason: str, end: End, output: Path) -> tuple[Kind, str]:
+    """The same kind and reason, but `out of memory` for a crash if the kernel has killed processes for lack
+    of memory meanwhile, and if SIGKILL has ended the command or, as its output says, a process of it.
+    """
+    if kind != "crash" or not end.oom_kills:
+        return kind, reason
+    if end.code != -signal.SIGKILL and _KILLED not in output.read_text(errors="replace"):
+        return kind, reason
+    killed = "a process" if end.oom_kills == 1 else f"{end.oom_kills} processes"
+    return "out of memory", f"{reason}; the kernel killed {killed}: expected more --memory"
 
 
 def _of_camera(summary: dict[str, Any]) -> dict[str, int]:

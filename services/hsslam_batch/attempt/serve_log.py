@@ -154,6 +154,7 @@ def _attempt(
         kind, reason = judged(end, terms.limits, last_words(place.output), _FETCH_CODES)
         if kind == "crash" and end.code == _NOT_FETCHED:
             kind = "unavailable"
+        kind, reason = judged_with_kills(kind, reason, end, place.output)
         if kind != "done":
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
             room.is_kept = may_try_again(outcome, terms.retries)
@@ -189,7 +190,7 @@ def _attempt(
             kind, reason = judged_frames(summary, expected)
             if kind == "done" and (why := summary.get("not_evaluated")):
                 reason = f"{NOT_EVALUATED}{why}"
-    kind, reason = judged_with_kills(kind, reason, end)
+    kind, reason = judged_with_kills(kind, reason, end, place.output)
     found = figures(summary) | {"nbytes": folder_nbytes(run_dir)}
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 

@@ -1,5 +1,6 @@
 """The reason in the row of a log that failed."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from hsslam_batch.attempt.judgement import (
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.watched_process import End, Limits
 from hsslam_node.errors import GPU_IS_FULL, MORE_SHARED_MEMORY
+from hsslam_services.launch.spawn import how_it_ended
 from hsslam_services.run.camera_progress import UNREAD
 
 _NO_ROOM = "map not saved: /fleet/out/map.safetensors: No space left on device"
@@ -62,15 +64,27 @@ def test_results_that_are_others_than_of_a_quiet_run_do_not_count(section: dict,
     assert (kind == "crash") == bool(reason) and told.startswith(reason)
 
 
-def test_a_crash_while_the_kernel_kills_processes_is_lack_of_memory():
+def test_a_process_that_the_kernel_kills_is_lack_of_memory(tmp_path: Path):
+    (output := tmp_path / "output.txt").write_text("frame 3")
     killed = End(code=-9, why="", wall_s=1.0, core_s=1.0, memory_mb=100, oom_kills=1)
-    kind, reason = judged_with_kills(*judged(killed, Limits(), "frame 3"), killed)
+    kind, reason = judged_with_kills(*judged(killed, Limits(), "frame 3"), killed, output)
     assert kind == "out of memory"
     said = "killed by SIGKILL; frame 3; the kernel killed a process: expected more --memory"
     assert reason == said
-    quiet = End(code=-9, why="", wall_s=1.0, core_s=1.0, memory_mb=100)
-    assert judged_with_kills("crash", "a reason", quiet) == ("crash", "a reason")
-    assert judged_with_kills("bad input", "no log", killed) == ("bad input", "no log")
+    quiet = dataclasses.replace(killed, oom_kills=0)
+    assert judged_with_kills("crash", "a reason", quiet, output) == ("crash", "a reason")
+    assert judged_with_kills("bad input", "no log", killed, output) == ("bad input", "no log")
+
+
+def test_processes_that_the_kernel_kills_elsewhere_are_not_those_of_a_crash(tmp_path: Path):
+    """Such as of another run on the machine; the output of the run tells which of its own were killed."""
+    output = tmp_path / "output.txt"
+    end = End(code=3, why="", wall_s=1.0, core_s=1.0, memory_mb=100, oom_kills=1)
+    for how, kind in ((-11, "crash"), (-9, "out of memory")):
+        output.write_text(
+            f"frame 3/6\nwarning: tracker {how_it_ended(how)}: restart in 1 s\nframe 6/6\n"
+        )
+        assert judged_with_kills("crash", "a reason", end, output)[0] == kind
 
 
 @pytest.mark.parametrize(

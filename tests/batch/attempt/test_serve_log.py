@@ -1,6 +1,7 @@
 """What an attempt has fetched stays for the next one of its batch, or for none."""
 
 import dataclasses
+import itertools
 import json
 import os
 import shutil
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt import watched_process
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.outcome import Kind
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, place_of, serve_log
@@ -190,6 +192,14 @@ def test_the_camera_of_the_run_has_counted_the_frames_of_the_log(
     monkeypatch.setattr(sys, "executable", _python(tmp_path, script))
     outcome = serve_log(batch, log, Terms())
     assert (outcome.kind, outcome.frames) == (kind, 20), outcome.reason
+
+
+def test_a_fetch_that_the_kernel_kills_is_lack_of_memory(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", _python(tmp_path, "kill -9 $$"))
+    monkeypatch.setattr(watched_process, "oom_kills", itertools.count().__next__)  # of the kernel
+    batch, log = _in_store(tmp_path / "out")
+    outcome = serve_log(batch, log, Terms())
+    assert outcome.kind == "out of memory" and "killed by SIGKILL" in outcome.reason
 
 
 @pytest.mark.alone
