@@ -15,6 +15,7 @@ from hsslam_services.launch.spawn import (
     Process,
     Spawn,
     child_environment,
+    how_it_ended,
     last_error,
     module_command,
     not_started,
@@ -68,6 +69,8 @@ def run_one_shot(
     with contextlib.suppress(OSError):  # the end of the run reports this
         result = disk.do(lambda: read_result(run_dir, name), STEP_S, turn)
         disk.do(lambda: update_summary(run_dir, result.summary), STEP_S, turn)
+    if code < 0 and not result.error:
+        return f"{name} {how_it_ended(code)}"
     return last_error(result, run_dir, module) if code else ""
 
 
