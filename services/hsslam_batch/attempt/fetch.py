@@ -52,7 +52,7 @@ def remove_fetched(folder: Path) -> None:
 
 
 def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -> None:
-    """Fetch all files of a log, and those beside it that it may need, except what is already complete.
+    """Fetch all files of a log, except what is already complete, and anew those beside it that it may need.
 
     At the end it lists the log again: parts of a log that changes meanwhile may be of two versions.
 
@@ -84,6 +84,9 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
             ]
             for one in fetching:
                 one.result()
+        for name in names_beside(log.source):  # the plan does not tell whether they have changed
+            for path in (folder / name, _partial(folder / name)):
+                path.unlink(missing_ok=True)
         for url, nbytes in _files_beside(log, store, patience_s):
             _fetch_file(store, url, folder / url.rpartition("/")[2], nbytes, patience_s)
         _planned(log, patience_s)
@@ -158,13 +161,21 @@ def _fetch_file(store: Any, url: str, target: Path, nbytes: int, patience_s: flo
     if target.exists() and target.stat().st_size == nbytes:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.partial")
+    partial = _partial(target)
     with partial.open("ab") as stream:
+        if stream.tell() > nbytes:  # it is of another file
+            stream.seek(0)
+            stream.truncate()
         while stream.tell() < nbytes:
             first = stream.tell()
             end = min(first + _PART_BYTES, nbytes)
             stream.write(_part(store, url, first, end, patience_s))
     partial.replace(target)
+
+
+def _partial(target: Path) -> Path:
+    """The file that becomes `target` once it is complete."""
+    return target.with_name(f".{target.name}.partial")
 
 
 def _part(store: Any, url: str, first: int, end: int, patience_s: float) -> bytes:

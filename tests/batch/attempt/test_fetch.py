@@ -182,6 +182,31 @@ def test_what_lies_beside_a_sequence_comes_with_it(store, tmp_path: Path, replic
     assert mesh.read_text() == mesh.name
 
 
+def test_files_beside_a_log_come_anew_for_each_attempt(store, tmp_path: Path):
+    """They may change without a new plan, also to another file of the same size, and go."""
+    client, _, _ = store
+    mesh = "scene2_vh_clean.ply"
+    for name, content in (("scene2.sens", b"a log"), (mesh, b"an old mesh")):
+        client.put_object(Bucket=BUCKET, Key=f"scenes/{name}", Body=content)
+    (log,) = find_logs(list_url(f"s3://{BUCKET}/scenes"))
+    fetch_log(log, tmp_path, most_gb=1.0)
+    assert (tmp_path / mesh).read_bytes() == b"an old mesh"
+    client.put_object(Bucket=BUCKET, Key=f"scenes/{mesh}", Body=b"a new mesh.")
+    (tmp_path / f".{mesh}.partial").write_bytes(b"an old")
+    fetch_log(log, tmp_path, most_gb=1.0)
+    assert (tmp_path / mesh).read_bytes() == b"a new mesh."
+    client.delete_object(Bucket=BUCKET, Key=f"scenes/{mesh}")
+    fetch_log(log, tmp_path, most_gb=1.0)
+    assert not (tmp_path / mesh).exists()
+
+
+def test_a_part_that_is_longer_than_its_file_is_fetched_anew(store, tmp_path: Path):
+    log = _logs()["loose.mcap"]
+    (tmp_path / ".loose.mcap.partial").write_bytes(bytes(300_000))
+    fetch_log(log, tmp_path, most_gb=1.0)
+    assert fetched_place(tmp_path, log).read_bytes() == _OBJECTS["logs/loose.mcap"]
+
+
 def test_a_fetch_goes_on_where_it_ended(store, tmp_path: Path, monkeypatch):
     _, look_at, url = store
     log = _logs()["loose.mcap"]
