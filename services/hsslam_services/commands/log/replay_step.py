@@ -9,7 +9,7 @@ import msgspec
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages
 from hsslam_proto.frame_codec import restamped
-from hsslam_proto.frame_order import FrameOrder, new_publisher, replayed_publisher
+from hsslam_proto.frame_order import FrameOrder, Place, new_publisher, replayed_publisher
 from hsslam_proto.topics import FRAME, MAP, POSE, STEP
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.log_lag import LogLag
@@ -61,7 +61,7 @@ class StepByStep:
             raise UserError("--step: no service: expected hsslam-serve --source zenoh:")
         publishers = {}
         sent: Counter[str] = Counter()
-        order, camera, newest, shift = FrameOrder(), -1, -1, 0
+        order, shifts = FrameOrder(), _Shifts()
         for entry in logged:
             if entry.topic not in publishers:
                 publishers[entry.topic] = self._bus.publisher(entry.topic, block=True)
@@ -72,12 +72,9 @@ class StepByStep:
                 if place.kind == "old":
                     continue
                 order.take(place)
-                begins = place.publisher != camera
-                if begins or place.kind == "absurd":  # the service would refuse a jump
-                    shift = 0 if begins else newest + 1 - message.index
-                camera, newest = place.publisher, message.index + shift
-                message = msgspec.structs.replace(message, index=newest)
-                again = replayed_publisher(camera, self._publisher)
+                index = shifts.index_without_jump(place)
+                message = msgspec.structs.replace(message, index=index)
+                again = replayed_publisher(place.publisher, self._publisher)
                 self._send_until_answered(publishers[FRAME], message, again)
             else:
                 publishers[entry.topic].put_payload(entry.payload)
@@ -127,6 +124,22 @@ class StepByStep:
             self._in_lockstep = False
             self._say("the service is not in lockstep: the replay waits only for its poses")
         return answer.is_done or (self._in_lockstep is False and answer.has_pose)
+
+
+class _Shifts:
+    """What is added to the indices of each camera, as the service would refuse a jump."""
+
+    def __init__(self) -> None:
+        self._newest: dict[int, int] = {}  # as sent, by publisher
+        self._shift: dict[int, int] = {}
+
+    def index_without_jump(self, place: Place) -> int:
+        """The index to send for a new frame: behind a jump, that after the camera's last."""
+        camera = place.publisher
+        if place.kind == "absurd":
+            self._shift[camera] = self._newest[camera] + 1 - place.index
+        self._newest[camera] = place.index + self._shift.get(camera, 0)
+        return self._newest[camera]
 
 
 class _Answer:

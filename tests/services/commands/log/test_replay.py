@@ -10,6 +10,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import encode
+from hsslam_proto.frame_order import new_publisher
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.commands.log.replay import main, publish, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
@@ -118,10 +119,13 @@ def test_a_service_of_another_robot_is_named_at_once(tmp_path, endpoint, capsys)
 
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_step_sends_a_frame_when_the_last_is_done_with(tmp_path, lockstep):
-    """The count of the camera jumps in the log; the service would refuse a jump."""
+    """The count of a camera jumps twice in the log; the service would refuse a jump. Another one has a frame
+    between."""
     log = PartedLog(tmp_path, "r", LogSettings())
-    for row, index in enumerate((0, 1, 2, 2**40, 2**40 + 1)):
-        message = msgspec.structs.replace(frame(row), index=index)
+    one, other = new_publisher(), new_publisher()
+    rows = ((one, 0), (one, 1), (one, 2**40), (other, 0), (one, 2**40 + 1), (one, 2**41))
+    for row, (camera, index) in enumerate(rows):
+        message = msgspec.structs.replace(frame(row), index=index, publisher=camera)
         log.write(topics.FRAME, encode(topics.FRAME, message), row, row, row)
     log.close()
     (path,) = log_parts(tmp_path, print)
@@ -140,8 +144,8 @@ def test_step_sends_a_frame_when_the_last_is_done_with(tmp_path, lockstep):
         stop.set()
         service.join()
         router.close()
-    assert sent == {"in/frame": 5}
-    assert [index for index, _ in seen] == list(range(5))  # none before its turn, none twice
+    assert sent == {"in/frame": 6}
+    assert [index for index, _ in seen] == [0, 1, 2, 0, 3, 4]  # none before its turn, none twice
     assert all(abs(time.time_ns() - stamp_ns) < 60e9 for _, stamp_ns in seen)
     assert len(told) == (0 if lockstep else 1)
 
