@@ -1,6 +1,6 @@
 """The claim of an attempt on a folder of this machine: a file that it locks as long as it lives.
 
-Other attempts so know which folders they may remove. File systems without locks keep all folders. NFS takes a
+So other attempts know which folders they may remove. File systems without locks keep all folders. NFS takes a
 shared lock only of a file that can be read, and an exclusive one only of a file that can be written.
 """
 
