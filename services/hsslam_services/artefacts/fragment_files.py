@@ -1,7 +1,6 @@
 """Saves fragments that have not joined the map, map_fragment_N.safetensors, beside the tracking of frames."""
 
 import contextlib
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from hsslam_node.fragments.fragment_name import fragment_map_name
 from hsslam_node.map.checkpoint import save_checkpoint
 
 _TURN_S = 0.2
+MOST_SAVING_S = 60.0  # for all fragments that wait: the disk may hang
 
 
 class FragmentFiles:
@@ -51,12 +51,15 @@ class FragmentFiles:
     def save(self, fragment: Fragment) -> None:
         """Let the thread save a fragment that no frame is tracked in any more.
 
-        If the unsaved ones leave it no memory, it waits for them (`waits_for_room`), or it is not saved, and
-        an error says so.
+        If the unsaved ones leave it no memory, it waits for them (`waits_for_room`), at most 60 s. Without
+        memory it is not saved, and an error says so.
         """
         if self._waits_for_room:
-            self._wait_until(lambda: self._is_ending() or self._needed(fragment) <= MOST_BYTES)
-        elif (needed := self._needed(fragment)) > MOST_BYTES and not self._is_ending():
+            self._wait_until(
+                lambda: self._is_ending() or self._needed(fragment) <= MOST_BYTES, MOST_SAVING_S
+            )
+        needed = self._needed(fragment)
+        if needed > MOST_BYTES and not self._is_ending():
             earlier = ", ".join(map(str, self._unsaved.copy()))
             self._give_up(
                 fragment.number,
@@ -68,18 +71,21 @@ class FragmentFiles:
         self._waiting.put(fragment)
         self._start()
 
-    def wait(self, most_s: float = math.inf) -> None:
-        """Wait until all fragments are saved, at most `most_s` seconds."""
-        give_up_s = time.monotonic() + most_s
-        self._wait_until(lambda: not self._unsaved or time.monotonic() > give_up_s)
+    def wait(self, most_s: float = MOST_SAVING_S) -> None:
+        """Wait until all fragments are saved, at most `most_s` seconds; gives up those that are not."""
+        self._wait_until(lambda: not self._unsaved, most_s)
+        for number in list(self._unsaved):
+            self._give_up(number, f"the disk is too slow or hangs: {most_s:g} s are over")
+        self._unsaved.clear()
 
     def _needed(self, fragment: Fragment) -> int:
         """Bytes of the unsaved fragments and this one; 0 if none is unsaved."""
         unsaved = self._unsaved.copy()  # the thread removes from it
         return sum(unsaved.values()) + fragment.nbytes if unsaved else 0
 
-    def _wait_until(self, is_enough: Callable[[], bool]) -> None:
-        while not is_enough():
+    def _wait_until(self, is_enough: Callable[[], bool], most_s: float) -> None:
+        give_up_s = time.monotonic() + most_s
+        while not is_enough() and time.monotonic() < give_up_s:
             self._is_ending()
             self._start()
             if self._thread is None:  # no thread can start
@@ -108,7 +114,7 @@ class FragmentFiles:
                 self._save(fragment)
         finally:
             with self._has_saved:
-                del self._unsaved[fragment.number]
+                self._unsaved.pop(fragment.number, None)
                 self._has_saved.notify_all()
 
     def _save(self, fragment: Fragment) -> None:
@@ -120,6 +126,7 @@ class FragmentFiles:
             self._give_up(fragment.number, str(error) or type(error).__name__)
         else:
             keyframes = len(saved.keyframe_stamps_ns)
+            self.failed.pop(fragment.number, None)  # given up, but saved after all
             text = f"has not joined the map: {name} has its {keyframes} keyframes"
             self._tell("info", f"fragment {fragment.number} {text}")
 

@@ -49,7 +49,7 @@ from hsslam_services.tracked.poses_out import PosesOut, Received
 from hsslam_services.tracked.timely_frames import DEPTH, TimelyFrames
 
 _POLL_S = 0.1
-_MOST_SAVING_S = 15.0  # before a restart after an exception: the disk may hang
+_MOST_SAVING_S = 15.0  # of fragments, before a restart after an exception: the disk may hang
 
 
 def main() -> None:

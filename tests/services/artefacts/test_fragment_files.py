@@ -114,7 +114,6 @@ def test_where_the_camera_waits_a_fragment_waits_for_memory(
     ended.start()
     assert all(turns.acquire(timeout=20) for _ in range(5))
     assert ended.is_alive() and not said
-    files.wait(most_s=0.01)  # ends, though the disk hangs
     assert hanging.read_bytes()
     ended.join(20)
     files.wait(20)
@@ -122,6 +121,32 @@ def test_where_the_camera_waits_a_fragment_waits_for_memory(
     assert [level for level, _ in said] == ["info", "info"]
     saved = load_checkpoint(tmp_path / "map_fragment_2.safetensors")
     assert len(saved.keyframe_stamps_ns) == 2
+
+
+@pytest.mark.parametrize("waits_for_room", [False, True])
+def test_no_wait_for_a_disk_that_hangs_is_endless(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waits_for_room: bool
+):
+    """The end of a run goes on without the fragments; those that are saved later are no loss."""
+    said = []
+    files = FragmentFiles(
+        tmp_path, SMALL, lambda *line: said.append(line), waits_for_room=waits_for_room
+    )
+    first = _fragment(1)
+    monkeypatch.setattr(fragment_files, "MOST_BYTES", first.nbytes + 1)
+    monkeypatch.setattr(fragment_files, "MOST_SAVING_S", 0.5)
+    hanging = tmp_path / "map_fragment_1.safetensors"
+    os.mkfifo(hanging)  # opening it waits for a reader
+    files.save(first)
+    files.save(_fragment(2))
+    assert list(files.failed) == [2] and "hangs" in files.failed[2]
+    files.wait(0.1)
+    assert list(files.failed) == [2, 1] and "hangs" in files.failed[1]
+    assert [level for level, _ in said] == ["error", "error"]
+    assert hanging.read_bytes()
+    files.save(_fragment(3))
+    files.wait(20.0)
+    assert list(files.failed) == [2]
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
