@@ -11,6 +11,7 @@ import platform
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from hsslam_batch.attempt.fetch import remove_fetched
 from hsslam_batch.plan.batch import FETCHED
@@ -63,7 +64,7 @@ def is_alone(claim_fd: int) -> bool:
 def held_claims(parent: Path) -> Iterator[tuple[Path, int]]:
     """The folders in a folder whose attempts live, and the bytes that each may take."""
     for claim in parent.glob(f"*/{_CLAIM}"):
-        with contextlib.suppress(OSError), claim.open("rb+") as stream:  # it may be gone
+        with contextlib.suppress(OSError), _opened(claim) as stream:  # it may be gone
             if not is_alone(stream.fileno()):
                 yield claim.parent, int(stream.read().partition(b" ")[0] or 0)
 
@@ -91,15 +92,34 @@ def ended_claims(parent: Path) -> list[tuple[Path, float]]:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder of such folders in the block; without effect on a file system without locks.
+    """Lock a folder of such folders in the block, against other attempts of this user; without effect on a
+    file system without locks.
 
     Raises:
         OSError: the folder is missing or cannot be written.
     """
-    with (folder / LOCK).open("a+") as stream:
+    try:
+        fd = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    except PermissionError:  # it is of another user
+        fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
         with contextlib.suppress(OSError):
-            fcntl.flock(stream, fcntl.LOCK_EX)
+            fcntl.flock(fd, fcntl.LOCK_EX)
         yield
+    finally:
+        os.close(fd)
+
+
+def _opened(claim: Path) -> BinaryIO:
+    """A claim, opened so that its lock can be tried; a claim of another user only for reading.
+
+    Raises:
+        OSError: it is gone.
+    """
+    try:
+        return claim.open("rb+")
+    except PermissionError:
+        return claim.open("rb")
 
 
 def _here() -> bytes:

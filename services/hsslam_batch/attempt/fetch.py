@@ -84,11 +84,15 @@ def fetch_log(log: Log, folder: Path, most_gb: float, patience_s: float = 0.0) -
             ]
             for one in fetching:
                 one.result()
+        beside = dict(_files_beside(log, store, patience_s))
+        names = {url.rpartition("/")[2] for url in beside}
         for name in names_beside(log.source):  # the plan does not tell whether they have changed
-            for path in (folder / name, _partial(folder / name)):
-                path.unlink(missing_ok=True)
-        for url, nbytes in _files_beside(log, store, patience_s):
-            _fetch_file(store, url, folder / url.rpartition("/")[2], nbytes, patience_s)
+            _partial(folder / name).unlink(missing_ok=True)
+            if name not in names:
+                (folder / name).unlink(missing_ok=True)
+        for url, nbytes in beside.items():
+            target = folder / url.rpartition("/")[2]
+            _fetch_file(store, url, target, nbytes, patience_s, anew=True)
         _planned(log, patience_s)
 
 
@@ -156,9 +160,12 @@ def _expect_listed(url: str, patience_s: float) -> None:
         raise OSError(f"{url}: {error}") from None
 
 
-def _fetch_file(store: Any, url: str, target: Path, nbytes: int, patience_s: float) -> None:
-    """Fetch one file part by part; a complete file gets its final name."""
-    if target.exists() and target.stat().st_size == nbytes:
+def _fetch_file(
+    store: Any, url: str, target: Path, nbytes: int, patience_s: float, anew: bool = False
+) -> None:
+    """Fetch one file part by part; a complete file gets its final name, and is fetched again only if `anew`:
+    another attempt may read the one that is there."""
+    if not anew and target.exists() and target.stat().st_size == nbytes:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = _partial(target)

@@ -7,13 +7,21 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import IO
 
 import pytest
 
-from hsslam_batch.attempt.claim import LOCK, held_claim, held_claims, locked, remove_ended
+from hsslam_batch.attempt.claim import (
+    LOCK,
+    held_claim,
+    held_claims,
+    locked,
+    remove_ended,
+    write_claim,
+)
 from hsslam_batch.attempt.serve_log import Terms, place_of, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.plan import tried
@@ -21,6 +29,7 @@ from hsslam_batch.plan.log import read_manifest
 from tests.batch.object_store import reach
 from tests.batch.outcomes import planned
 
+_NOBODY = 65534
 _HOLD = """
 import sys
 from pathlib import Path
@@ -119,3 +128,19 @@ def test_a_fetched_part_waits_a_day_for_the_next_run_and_its_own_attempt_never_r
     new, old = (_left(scratch / f"{name}.log", n) for name, n in (("new", 23), ("old", 25)))
     assert serve_log(batch, log, terms).kind == "timeout"
     assert [folder.exists() for folder in (own / "run", new, old)] == [True, True, False]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as another user")
+def test_a_folder_that_users_share_shuts_none_of_them_out():
+    with tempfile.TemporaryDirectory() as name:  # pytest's folders are closed to others
+        parent = Path(name)
+        parent.chmod(0o777)
+        with held_claim(parent / "id0.1.0123") as claim_fd:
+            write_claim(claim_fd, 7)
+            os.seteuid(_NOBODY)
+            try:
+                assert list(held_claims(parent)) == [(parent / "id0.1.0123", 7)]
+                with held_claim(parent / "id1.1.4567"):
+                    assert len(list(held_claims(parent))) == 2
+            finally:
+                os.seteuid(0)
