@@ -27,5 +27,6 @@ def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
 
 
 def without_group(node_id: str) -> str:
-    """The name of a test by which pytest selects it: pytest-xdist adds `@` and the group, here the file."""
-    return node_id.removesuffix(f"@{node_id.partition('::')[0]}")
+    """The name of a test by which pytest selects it: pytest-xdist adds `@` and the group."""
+    name, _, group = node_id.rpartition("@")
+    return name if name and "]" not in group else node_id

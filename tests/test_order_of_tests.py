@@ -48,15 +48,20 @@ def test_one_worker_takes_all_tests_of_a_file_and_those_that_fail_are_known(pyte
     )
     failing = "\ndef test_unmet(): assert False\n"
     pytester.makepyfile(**{f"test_{name}": _FILE + failing for name in "abcd"})
+    in_group = "import pytest\n@pytest.mark.e2e\n@pytest.mark.xdist_group('ray')\n"
+    with_at = "@pytest.mark.parametrize('n', ['x@y'])\ndef test_unmet_run(n): assert False\n"
+    pytester.makepyfile(test_e=in_group + with_at)
     options = ("--numprocesses", "2", "--dist", "loadgroup", "-v", "-W", "ignore")
     result = pytester.runpytest_subprocess(*options)
-    result.assert_outcomes(passed=12, failed=4)
+    result.assert_outcomes(passed=12, failed=5)
     workers: dict[str, set[str]] = {}
     for worker, name in re.findall(
-        r"^\[(gw\d)\].*(?:PASSED|FAILED) test_(\w)\.py::test_(?!run)", result.stdout.str(), re.M
+        r"^\[(gw\d)\].*(?:PASSED|FAILED) test_(\w)\.py::test_(?!run|unmet_run)",
+        result.stdout.str(),
+        re.M,
     ):
         workers.setdefault(name, set()).add(worker)
     assert sorted(workers) == list("abcd")
     assert all(len(of_file) == 1 for of_file in workers.values()), workers
     again = pytester.runpytest_subprocess("--last-failed", "-W", "ignore")
-    again.assert_outcomes(failed=4)
+    again.assert_outcomes(failed=5)
