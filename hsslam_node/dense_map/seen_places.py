@@ -102,7 +102,7 @@ class SeenPlaces:
         return box
 
     def _make_room(self, box: _Box, cells: int) -> None:
-        """Forget other boxes so that this one may have so many cells."""
+        """Forget the boxes that were used longest ago until `cells` cells of this box fit in."""
         self._expect_few(cells)
         for other in [other for other in self._boxes if other != box]:
             if cells + self.cells - self._boxes[box].cells <= self._most_cells:

@@ -102,8 +102,13 @@ class GravityWindows:
     def take_over(
         self, other: "GravityWindows", keyframes: np.ndarray, R_keyframe_own: np.ndarray
     ) -> None:
-        """Add the windows of another map, and go on with the open one. Its keyframe k moves with keyframe
-        `keyframes[k]` [n] int64 of this map; R_keyframe_own [n, 3, 3] maps its axes to those of that one."""
+        """Add the windows of another map, and go on with its open window.
+
+        Args:
+            other: the windows of the other map, which has n keyframes.
+            keyframes: [n] int64, the keyframe of this map with which each of its keyframes moves.
+            R_keyframe_own: [n, 3, 3], from the axes of each of its keyframes to those of that keyframe.
+        """
         for k, force, axes in other._rows:
             R = R_keyframe_own[k]
             self._rows.append((int(keyframes[k]), R @ force, R @ axes))

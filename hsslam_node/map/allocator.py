@@ -16,7 +16,7 @@ class ArrayAllocator(Protocol):
     """Named arrays. Creating one that exists with the same shape and type returns it as it is."""
 
     def create(self, name: str, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> np.ndarray:
-        """A new array of zeros, or the existing one of that name.
+        """Returns a new array of zeros, or the array of that name if it exists.
 
         Raises:
             UnreadableArrayError: it exists on a disk that does not give its data.

@@ -62,8 +62,8 @@ class PoseLog:
     log outlives a map that is thrown away: rows say of which map epoch they are. A log of days has more
     rows than the memory holds: only `rows` copies all of them.
 
-    A slab that the disk does not give has lost frames without a publisher in place of its rows, with stamps
-    and map epoch of the row before; `unreadable` tells of it.
+    If the disk does not give a slab, lost frames without a publisher take the place of its rows, with stamps
+    and map epoch of the row before. `unreadable` counts them.
 
     Args:
         arrays: hold the rows, in slabs.
@@ -227,7 +227,7 @@ class PoseLog:
         return name in (_HEADER, _NEWEST, _JOINS) or name.startswith((_SLAB, _JOIN))
 
     def _tell_full(self, slabs: int) -> None:
-        """Tell of the first slabs, once of each: they are full, and their rows noted."""
+        """Call `on_full` once for each of the first `slabs` slabs, which are full and noted."""
         for k in range(self._told, slabs):
             self._told = k + 1
             if self._on_full is not None:

@@ -106,7 +106,8 @@ def all_settled(batch: Batch, store: Store, ids: Collection[str]) -> dict[str, O
 def _settled(
     batch: Batch, store: Store, begun: Iterable[str], failed: Iterable[str]
 ) -> dict[str, Outcome]:
-    """The rows of the logs that have a run folder, and of those that have failed and have no result."""
+    """Read the results in the run folders of the logs `begun`, and the failures of the logs `failed` that
+    have no result."""
     done_files = {batch.name(batch.done_file(log_id)): log_id for log_id in begun}
     found = _rows(batch, store, done_files, StoredOutcome)
     failed_files = {

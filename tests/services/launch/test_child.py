@@ -6,7 +6,8 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -161,22 +162,29 @@ def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
         assert child.news[0].startswith(f"sample_worker ended: {told}: restart")
 
 
+@contextmanager
+def _hanging(disk: DiskWork, folder: Path) -> Iterator[None]:
+    """The disk does not answer in the block: it opens a pipe without a writer, which a reader cannot open."""
+    pipe = folder / "pipe"
+    os.mkfifo(pipe)
+    disk.ask(pipe.read_text)
+    try:
+        yield
+    finally:
+        pipe.write_text("")
+
+
 def test_what_lacked_memory_is_tried_again_though_a_slow_disk_gives_the_reason_late(
     watch, run_info: RunInfo
 ):
-    """A pipe without a writer, which a reader cannot open, is a disk that is slow."""
     start, until = watch
-    slow, disk = run_info.path / "slow", DiskWork()
-    os.mkfifo(slow)
+    disk = DiskWork()
     child = start("no memory", may_pass=True, reads_source=True, disk=disk)
     until(lambda: child.is_alive)
     first = child.pid
-    disk.ask(slow.read_text)
-    try:
+    with _hanging(disk, run_info.path):
         until(lambda: not Path(f"/proc/{first}").exists() and disk.silent_s() > 1.1)
         assert (child.state == "failed", child.restarts) == (False, 0)
-    finally:
-        slow.write_text("")
     until(lambda: child.restarts or child.state == "failed")
     assert child.restarts == 1
     assert child.news[0].startswith("sample_worker ended: array x: needs 8 bytes")
@@ -187,18 +195,14 @@ def test_what_ends_for_a_reason_that_the_disk_never_gives_is_tried_again(
 ):
     start, until = watch
     monkeypatch.setattr("hsslam_services.launch.child._RESULT_S", 0.2)
-    pipe, disk = run_info.path / "pipe", DiskWork()
-    os.mkfifo(pipe)
+    disk = DiskWork()
     child = start("bad input", may_pass=True, reads_source=True, disk=disk)
     until(lambda: child.is_alive)
     first = child.pid
-    disk.ask(pipe.read_text)
-    try:
+    with _hanging(disk, run_info.path):
         until(lambda: not Path(f"/proc/{first}").exists())
         (run_info.path / "behaviour").write_text("obedient")
         until(lambda: child.restarts == 1 and child.state == "running")
-    finally:
-        pipe.write_text("")
 
 
 def test_an_unexpected_error_is_told_in_one_line(watch, run_info: RunInfo):
