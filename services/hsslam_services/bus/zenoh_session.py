@@ -4,10 +4,12 @@ Zenoh locks its shared memory in the sender and in each receiver. Messages beyon
 (`ulimit -l`) are lost silently (zenoh issues 2787, 2788), so this module sizes the pools by that limit.
 """
 
+import contextlib
 import json
 import os
 import re
 import resource
+import secrets
 import socket
 import sys
 import threading
@@ -35,6 +37,7 @@ _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not apply
 Settings = Mapping[str, object]
 _CONNECT_TIMEOUT_S = 10.0
 _THREADS = 8  # of a connected session
+_PORTS = range(16_384, 32_768)  # Linux gives connections those above
 NO_SETTINGS: Settings = MappingProxyType({})
 # for a router of ROS nodes: they are peers and find one another by the gossip of the router
 INTRODUCES_PEERS: Settings = MappingProxyType({"scouting/gossip/enabled": True})
@@ -172,10 +175,12 @@ def open_shared_memory(session: zenoh.Session) -> None:
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint with a free port."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    """A loopback endpoint with a free port, which the kernel gives to no connection in the meantime."""
+    while True:
+        port = _PORTS.start + secrets.randbelow(len(_PORTS))
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return f"tcp/127.0.0.1:{port}"
 
 
 def _config(settings: Settings) -> zenoh.Config:

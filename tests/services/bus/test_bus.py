@@ -209,6 +209,13 @@ def test_a_busy_port_is_one_line(endpoint):
     assert "\n" not in str(error.value)
 
 
+def test_a_free_port_goes_to_no_connection_before_a_router_takes_it():
+    given_by_kernel = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    ports = [int(free_endpoint().rpartition(":")[2]) for _ in range(20)]
+    assert max(ports) < given_by_kernel
+    assert len(set(ports)) > 1
+
+
 def test_no_router_is_one_line():
     with pytest.raises(UserError, match="expected a router"):
         open_client(free_endpoint(), timeout_s=0.3)

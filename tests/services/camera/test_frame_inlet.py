@@ -19,7 +19,10 @@ def test_a_camera_whose_count_jumps_goes_on_after_ten_refused_frames(run_info: R
         Bus(run_info.endpoint, run_info.robot, "tracker") as bus,
     ):
         frames = bus.subscribe(topics.FRAME, len(indices))
-        inlet, publisher = FrameInlet(frames, FrameOrder(), None), outside.publisher(topics.FRAME)
+        inlet, publisher = (
+            FrameInlet(frames, FrameOrder(), None),
+            outside.publisher(topics.FRAME, block=True),
+        )
         until(publisher.has_subscribers, 20)
         for index in indices:
             publisher.put(msgspec.structs.replace(frame(0), index=index, publisher=camera))

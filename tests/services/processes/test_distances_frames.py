@@ -28,7 +28,7 @@ def test_a_frame_from_before_a_reset_that_is_sent_again_marks_nothing(run_info):
         store = KeyframeStore.create(worker.arena, seen.camera, seen.depth_units_per_m, 16)
         store.world_frame.note_level(RobotFrames().T_base_cam)
         store.append(seen, np.eye(4))
-        loop, frames = _DistancesLoop(worker), camera.publisher(topics.FRAME)
+        loop, frames = _DistancesLoop(worker), camera.publisher(topics.FRAME, block=True)
         until(frames.has_subscribers, 60)
         (images,) = worker.bus.subscriptions
 

@@ -26,7 +26,7 @@ def test_a_tilted_map_is_told(make_run, capfd):
         store.world_frame.note_level(worker.options.T_level_world)
         for k in range(0, 40, 8):
             store.append(frames[k], poses[k])
-        loop, images = _DistancesLoop(worker), camera.publisher(topics.FRAME)
+        loop, images = _DistancesLoop(worker), camera.publisher(topics.FRAME, block=True)
         until(images.has_subscribers, 60)
         images.put(frame_message(first, at.stamp_ns))
 

@@ -30,7 +30,7 @@ def test_in_lockstep_each_frame_that_is_logged_or_refused_has_a_step(endpoint, t
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         steps = outside.subscribe(topics.STEP, 64)
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None, is_lockstep=True)
-        frames = outside.publisher(topics.FRAME)
+        frames = outside.publisher(topics.FRAME, block=True)
         _wait_for_subscriber(frames)
         no_image = msgspec.structs.replace(frame(1), color_encoding="jpeg", color=b"no image")
         for sent in (frame(0), no_image, frame(2)):
@@ -78,7 +78,7 @@ def test_frames_of_others_than_the_runs_camera_are_neither_logged_nor_told(endpo
             is_lockstep=True,
             camera_arena=tmp_path,
         )
-        frames = outside.publisher(topics.FRAME)
+        frames = outside.publisher(topics.FRAME, block=True)
         _wait_for_subscriber(frames)
         for index, publisher in enumerate((camera.publisher, 7, camera.publisher)):
             frames.put(msgspec.structs.replace(frame(index), publisher=publisher))
@@ -94,7 +94,10 @@ def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         steps = outside.subscribe(topics.STEP, 64)
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
-        frames, ends = outside.publisher(topics.FRAME), outside.publisher(topics.SOURCE_END)
+        frames, ends = (
+            outside.publisher(topics.FRAME, block=True),
+            outside.publisher(topics.SOURCE_END),
+        )
         _wait_for_subscriber(frames)
         for sent in (frame(0), frame(1)):
             frames.put(sent)
@@ -112,7 +115,7 @@ def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint
 def test_a_camera_that_goes_on_sending_does_not_hold_up_the_end(endpoint, tmp_path):
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
-        frames, is_over = outside.publisher(topics.FRAME), threading.Event()
+        frames, is_over = outside.publisher(topics.FRAME, block=True), threading.Event()
         _wait_for_subscriber(frames)
 
         def send() -> None:
@@ -142,7 +145,7 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
         early_keyframe = outside.publisher(topics.KEYFRAME)
         early_keyframe.put(keyframe(0))
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *e: events.append(e))
-        frames, meshes = outside.publisher(topics.FRAME), outside.publisher(topics.MESH)
+        frames, meshes = outside.publisher(topics.FRAME, block=True), outside.publisher(topics.MESH)
         sent = [frame(index) for index in range(30)]
         _spin(recorder, 0.3)
         for index in range(1, 30):
@@ -198,7 +201,7 @@ def test_the_process_ends_in_order_when_it_is_told_to(run_info):
 def test_rerun_reads_the_log(endpoint, tmp_path):
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
-        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        frames, poses = outside.publisher(topics.FRAME, block=True), outside.publisher(topics.POSE)
         _spin(recorder, 0.3)
         frames.put(frame(0))
         poses.put(pose(0))
@@ -221,7 +224,7 @@ def test_a_nearly_full_disk_stops_large_things_until_there_is_room(endpoint, dis
     events = []
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, folder, "run-1", "none", lambda *e: events.append(e))
-        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        frames, poses = outside.publisher(topics.FRAME, block=True), outside.publisher(topics.POSE)
 
         def send(first):
             for index in range(first, first + 10):
@@ -257,7 +260,7 @@ def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch)
     events = []
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *e: events.append(e))
-        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        frames, poses = outside.publisher(topics.FRAME, block=True), outside.publisher(topics.POSE)
         _spin(recorder, 0.3)
         for index in range(5):
             frames.put(frame(index))
@@ -275,7 +278,7 @@ def test_each_part_of_the_log_has_a_file_for_rerun(endpoint, tmp_path):
     settings = LogSettings(part_bytes=5_000)
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None, settings)
-        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        frames, poses = outside.publisher(topics.FRAME, block=True), outside.publisher(topics.POSE)
         _spin(recorder, 0.3)
         for index in range(40):
             frames.put(frame(index))
@@ -297,7 +300,7 @@ def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):
     sent = frame(0, compressed=True)
     with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
         recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
-        frames = outside.publisher(topics.FRAME)
+        frames = outside.publisher(topics.FRAME, block=True)
         _spin(recorder, 0.3)
         frames.put(sent)
         recorder.close()

@@ -59,7 +59,7 @@ def start(endpoint, tmp_path):
 def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, start):
     with Bus(endpoint, "r", "tracker") as bus:
         poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
-        frames = bus.publisher(topics.FRAME)
+        frames = bus.publisher(topics.FRAME, block=True)
         meshes = bus.publisher(topics.MESH_BLOCKS)
         meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
         first = start()
@@ -108,7 +108,7 @@ def test_poses_that_come_while_there_is_no_recorder_for_too_long_are_counted(
 ):
     """Their sender keeps the last 600."""
     with Bus(endpoint, "r", "tracker") as bus:
-        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
+        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME, block=True)
         first = start()
         until(frames.has_subscribers)
         for index in range(50):
@@ -134,7 +134,7 @@ def test_poses_that_come_while_there_is_no_recorder_for_too_long_are_counted(
 def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path, start):
     """100 MB are in the log: its successor needs neither time nor memory for them, nor a second copy."""
     with Bus(endpoint, "r", "tracker") as bus:
-        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
+        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME, block=True)
         began_s = time.monotonic()
         first = start()
         first_s = time.monotonic() - began_s

@@ -90,7 +90,7 @@ def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
     node.listener.hear("/hsslam/points")
     until(lambda: node.tell() and node.received() >= 0, 60)
     with Bus(run.endpoint, run.robot, "camera") as camera:
-        frames = camera.publisher(topics.FRAME)
+        frames = camera.publisher(topics.FRAME, block=True)
         until(frames.has_subscribers, 60)
 
         def show(of: Pose, depth: int) -> None:

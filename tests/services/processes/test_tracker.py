@@ -196,7 +196,7 @@ def test_frames_that_come_while_no_tracker_runs_count_as_dropped(make_run: Calla
     run = make_run(source="zenoh:", slam=PRESETS["realtime"])
     sent = iter(_frames_of(160, 12))
     with Bus(run.endpoint, run.robot, "camera") as bus:
-        camera, poses = bus.publisher(topics.FRAME), bus.subscribe(topics.POSE, 16)
+        camera, poses = bus.publisher(topics.FRAME, block=True), bus.subscribe(topics.POSE, 16)
 
         def send(count: int) -> None:
             for frame in (next(sent) for _ in range(count)):
@@ -238,7 +238,7 @@ def test_fragments_are_saved_before_a_tracker_ends_by_an_exception(
         Bus(run.endpoint, run.robot, "camera") as bus,
         Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker,
     ):
-        camera = bus.publisher(topics.FRAME)
+        camera = bus.publisher(topics.FRAME, block=True)
         running = threading.Thread(target=ends_by_it, args=(worker,))
         running.start()
         until(camera.has_subscribers)

@@ -49,7 +49,7 @@ def _frames(count: int) -> list[Frame]:
 
 def _sender(run: ServeProcess) -> Publisher:
     """Of frames; the run is known to hear it."""
-    sender = run.bus.publisher(topics.FRAME)
+    sender = run.bus.publisher(topics.FRAME, block=True)
     run.wait_until(sender.has_subscribers, 60)
     return sender
 
