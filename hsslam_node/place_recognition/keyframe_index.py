@@ -18,14 +18,16 @@ _TABLES, _BITS = 8, 16  # each table cuts the space of descriptors into 2^16 cel
 _CODES = _TABLES << _BITS
 _NOTHING = _CODES  # the code of a missing feature
 _FEATURES = 400  # of a keyframe, the strongest, which vote
+_FEW = 60  # features: the image is dark or blurred
 
 
 class KeyframeIndex:
     """An index of features of the keyframes of a store that show a new view.
 
     The index skips a keyframe if it has one within `spacing_m` and `spacing_rad`, so memory (100 kB
-    a keyframe) and time grow with the space that was seen, not with the duration. A retired keyframe
-    leaves the index, and the keyframes near it are checked again. The index only reads the store: each
+    a keyframe) and time grow with the space that was seen, not with the duration. One with few features
+    (dark or blurred) keeps no other out. A retired keyframe leaves the index, and the keyframes near it are
+    checked again. The index only reads the store: each
     process has its own.
 
     The cells of descriptors are those of random hyperplanes (Charikar 2002), the same in every index;
@@ -144,11 +146,12 @@ class KeyframeIndex:
         return [(int(keyframes[i]), float(votes[i])) for i in order if votes[i] > 0]
 
     def _is_new(self, k: int) -> bool:
-        if not self._features:
+        shown = [i for i, features in self._features.items() if len(features) >= _FEW]
+        if not shown:
             return True
         T_cam_world = inverse(self._store.pose(k))
         near_m, near_rad = self._spacing
-        relative = T_cam_world @ self._store.poses_of(self.keyframes)  # [n, 4, 4]
+        relative = T_cam_world @ self._store.poses_of(np.array(shown))  # [n, 4, 4]
         for T in relative[np.linalg.norm(relative[:, :3, 3], axis=1) < near_m]:
             if np.linalg.norm(so3_log(T[:3, :3])) < near_rad:
                 return False

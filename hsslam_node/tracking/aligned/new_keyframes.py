@@ -61,7 +61,8 @@ class NewKeyframes:
         )
         if not (is_left or self.is_late) or not self._store.has_room(has_gap=has_gap):
             return False
-        return not self._still.has_enough(T_world_cam, seen.levels[0].grey) or is_left
+        coarse = seen.levels[0]
+        return not self._still.has_enough(T_world_cam, coarse.grey, coarse.depth) or is_left
 
     def append(
         self,

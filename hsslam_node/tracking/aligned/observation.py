@@ -12,6 +12,8 @@ from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, grey
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.tracked_frame import frame_points
 
+_FEWEST_SHARE = 0.2  # of the points of a frame, if few are chosen
+
 
 @dataclass(frozen=True)
 class Observation:
@@ -40,7 +42,7 @@ class Observation:
             averaging = averaging_limit(frame, config.depth_window_px)
         points = frame_points(frame, config, seed, averaging)
         denser = max(config.surface_points / config.points, 1.0) if averaging else 1.0
-        fewest = round(FEWEST_POINTS * denser)
+        fewest = round(min(FEWEST_POINTS, _FEWEST_SHARE * config.points) * denser)
         return cls(frame, grey_pyramid(frame), points, view, localise_only, fewest)
 
     @property

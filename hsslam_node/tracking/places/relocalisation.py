@@ -3,9 +3,10 @@
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hsslam_node.place_recognition.image_features import ImageFeatures, image_fe
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement, picture_agreement
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
+from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe, stored_reference
 from hsslam_node.tracking.places.place_near import Whereabouts, place_near
 
@@ -28,6 +30,7 @@ _OBSERVED_EVERY = 8  # frames; by then the thread has long been done
 _LIMITS = LoopLimits(overlap=0.2)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
 _CLEARLY = 2.0  # times the inliers of a match at another place
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Relocalisation:
         self._seed = seed
         self._index = KeyframeIndex(store)
         self._frames = 0
-        self._thread = ThreadPoolExecutor(1, "features", _lower_priority)
+        self._thread = _new_thread()
         self._pending: tuple[int, Future[ImageFeatures]] | None = None
 
     def observe(self) -> None:
@@ -72,7 +75,8 @@ class Relocalisation:
         k = self._index.next_new()
         if k is not None:
             with contextlib.suppress(RetiredKeyframeError):  # meanwhile
-                self._pending = k, self._thread.submit(image_features, self._store.frame(k))
+                frame = self._store.frame(k)
+                self._pending = k, self._soon(lambda: image_features(frame))
 
     def observe_all(self) -> None:
         """Index all keyframes, before the first frame of a camera that may be anywhere."""
@@ -97,7 +101,7 @@ class Relocalisation:
             return
         if may_look_alike and self._differs(matches[0], frame):
             return
-        if (place := self._place(T_world_cam[0])) is not None:
+        if (place := self._place(frame, T_world_cam[0])) is not None:
             yield place
 
     def place_near(self, frame: Frame, near: Whereabouts) -> Place | None:
@@ -106,7 +110,7 @@ class Relocalisation:
         T_world_cam = place_near(
             self._store, self._index, frame, near, self._config, _LIMITS, self._seed
         )
-        return None if T_world_cam is None else self._place(T_world_cam)
+        return None if T_world_cam is None else self._place(frame, T_world_cam)
 
     def _differs(self, match: LoopMatch, frame: Frame) -> bool:
         """Whether the keyframe of a match shows another place that only looks like the frame's."""
@@ -116,9 +120,11 @@ class Relocalisation:
             return True
         return picture_agreement(keyframe, frame, match.T_keyframe_cam).differ
 
-    def _place(self, T_world_cam: np.ndarray) -> Place | None:
+    def _place(self, frame: Frame, T_world_cam: np.ndarray) -> Place | None:
+        """The place at a pose, with a keyframe that shows what the frame shows: the nearest may have depth
+        in few pixels, as something that moved covered its view."""
         try:
-            k = self._nearest(T_world_cam)
+            k = covering_keyframe(self._store, frame, T_world_cam, self._nearest(T_world_cam))
             return Place(T_world_cam, stored_reference(self._store, k, self._config))
         except RetiredKeyframeError:  # meanwhile: the next frame finds another
             return None
@@ -127,7 +133,17 @@ class Relocalisation:
         """Begin to compare a frame with the keyframes, in the thread. Until the result is there, call no
         other method of this object, and append no keyframes."""
         self._index_pending()
-        return self._thread.submit(self._compared, frame)
+        return self._soon(lambda: self._compared(frame))
+
+    def _soon(self, work: Callable[[], _T]) -> Future[_T]:
+        """Begin work in the thread; without a thread to start, it is done at once."""
+        try:
+            return self._thread.submit(work)
+        except RuntimeError:  # this machine has no thread left
+            self._thread = _new_thread()  # the old one would do the work later
+        done: Future[_T] = Future()
+        done.set_result(work())
+        return done
 
     def _compared(self, frame: Frame) -> list[SeenAgain]:
         self._index.update(_INDEXED_BESIDE, newest_first=True)
@@ -163,6 +179,10 @@ def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
         if apart and matches[0].inliers < _CLEARLY * match.inliers:
             return False
     return True
+
+
+def _new_thread() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "features", _lower_priority)
 
 
 def _lower_priority() -> None:

@@ -162,7 +162,7 @@ class _MapperLoop:
         """Retire keyframes if the tracker has no room for a keyframe or a fragment; `work` would not do it
         without a new keyframe."""
         store = self._link.store()
-        if store is None or self._mapper is None:
+        if store is None or self._mapper is None or self._mode.localise_only:
             return
         if store.room.refused > self._refused or store.room.is_short():
             self._refused = store.room.refused

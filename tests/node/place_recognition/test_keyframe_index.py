@@ -93,6 +93,15 @@ def test_a_retired_keyframe_goes_and_one_that_it_stood_for_comes(store):
     )
 
 
+def test_a_dark_keyframe_keeps_none_out_that_shows_its_view_in_the_light(store):
+    for frame in (with_black(room_frames()[0]), room_frames()[0], room_frames()[0]):
+        store.append(frame, np.eye(4))
+    index = KeyframeIndex(store)
+    index.update()
+    assert index.keyframes.tolist() == [0, 1]
+    assert [k for k, _ in index.similar(image_features(room_frames()[1]), 3)] == [1]
+
+
 def test_nothing_is_like_nothing(store):
     black = image_features(with_black(room_frames()[0]))
     index = KeyframeIndex(store)

@@ -29,3 +29,10 @@ def test_more_points_do_not_make_a_covered_lens_one_that_sees(share, has_depth):
     measured = Observation.of(frame, None, _CONFIG, 0, localise_only=False, averaging=0.0)
     assert len(averaged.points) > 3 * len(measured.points)
     assert averaged.has_depth == measured.has_depth == has_depth
+
+
+def test_few_points_are_enough_for_a_frame_with_holes_if_few_are_asked_for():
+    few = replace(_CONFIG, points=100)
+    for averaging in (0.0, 8e-3):
+        seen = Observation.of(_noisy(0.6), None, few, 0, localise_only=False, averaging=averaging)
+        assert seen.has_depth

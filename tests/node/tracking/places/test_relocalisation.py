@@ -1,5 +1,6 @@
 """A camera that is carried away is found where it has been before, and nowhere else."""
 
+import threading
 from dataclasses import replace
 from functools import cache
 
@@ -81,6 +82,34 @@ def test_a_place_that_only_looks_like_one_of_the_map_is_not_taken_for_it():
     for k in (2, 17, 33):
         assert list(places.places(with_other_pictures(room_frames()[k]))) == []
         assert len(list(places.places(room_frames()[k]))) == 1
+
+
+def test_a_keyframe_whose_view_was_covered_is_no_reference_for_one_that_is_not():
+    """Something that moved took the depth of most pixels; the nearest whole keyframe is 5 frames away."""
+    places, covered = _filled(room_poses()), room_frames()[12]
+    raw = covered.depth_raw.copy()
+    raw[:, 40:] = 0
+    places._store.append(replace(covered, depth_raw=raw), room_poses()[12])
+    places.observe_all()
+    (place,) = places.places(room_frames()[12])
+    assert place.reference.id in (2, 3)
+    assert pose_error(place.T_world_cam, room_poses()[12])[0] < 0.01
+
+
+def test_features_are_found_without_a_thread_to_start(monkeypatch):
+    """Also the comparison with all keyframes, which a fragment asks for; later a thread starts."""
+    places = _filled(room_poses())
+    with monkeypatch.context() as machine:
+        machine.setattr(threading.Thread, "start", _no_thread)
+        for _ in range(3):
+            _observe(places)
+        assert {m.match.keyframe for m in places.compare(room_frames()[2]).result()} >= {0}
+    assert len(list(places.places(room_frames()[17]))) == 1
+    assert places.compare(room_frames()[33]).result()
+
+
+def _no_thread(_: threading.Thread) -> None:
+    raise RuntimeError("can't start new thread")
 
 
 def test_two_places_that_look_the_same_are_not_told_apart():
