@@ -7,15 +7,18 @@ import numpy as np
 
 from hsslam_node.doctor.finding import Check, Finding
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.tracking.tracked_frame import whole_share
 
 _FAULT_BELOW, _NOTE_BELOW = 0.20, 0.50
 _EMPTY_BELOW = 0.02  # such a frame cannot be tracked
 _FAULT_EMPTY, _NOTE_EMPTY = 0.10, 0.0
+LEAST_WHOLE = 0.05  # pixels with depth around them: of fewer the tracker finds too few points
+FILL_HOLES = "depth has holes in a pattern: fill them when depth is registered to the colour image"
 _COVERAGE = Check("depth coverage", "%", "above 50 % of the pixels, no frame without depth")
 
 
 def check_coverage(depths_raw: Sequence[np.ndarray]) -> Finding:
-    """Median share of pixels with depth, %; depths [H, W] uint16, 0 = none."""
+    """Median share of pixels with depth, %, also with depth around them; depths [H, W] uint16, 0 = none."""
     if not depths_raw:
         return _COVERAGE.note(None, "no frame could be read")
     shares = np.array([np.count_nonzero(depth) / depth.size for depth in depths_raw])
@@ -30,6 +33,10 @@ def check_coverage(depths_raw: Sequence[np.ndarray]) -> Finding:
     )
     if median < _FAULT_BELOW or empty > _FAULT_EMPTY:
         return _COVERAGE.fault(100 * median, seen, advice)
+    whole = float(np.median([whole_share(depth) for depth in depths_raw]))
+    if whole < LEAST_WHOLE:
+        seen += f"; {100 * whole:.0f} % of the pixels have depth with depth around them"
+        return _COVERAGE.fault(100 * median, seen, FILL_HOLES)
     if median < _NOTE_BELOW or empty > _NOTE_EMPTY:
         return _COVERAGE.note(100 * median, seen, advice)
     return _COVERAGE.ok(100 * median, seen)

@@ -188,3 +188,13 @@ def frame_points(
         limit, points,
     )  # fmt: skip
     return points[:n]
+
+
+def whole_share(depth_raw: np.ndarray) -> float:
+    """Share of the pixels of a depth image [H, W] that have depth with depth around them, at which
+    `frame_points` looks for points; 0 = no depth."""
+    known = depth_raw > 0
+    rows, columns = slice(2, -2), slice(2, -2)
+    whole = known[rows, columns] & known[:-4, columns] & known[4:, columns]
+    whole &= known[rows, :-4] & known[rows, 4:]
+    return np.count_nonzero(whole) / max(whole.size, 1)

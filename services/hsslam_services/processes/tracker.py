@@ -167,7 +167,7 @@ class _TrackerLoop:
             self._join(result.joined)
         elif result.is_keyframe:
             self._keyframes.put(result, message)
-        self._events.take(result)
+        self._events.take(result, frame.depth_raw)
         self._asked.take(result)
         if self._is_realtime:
             left_out = self._left_out.since_last()

@@ -2,14 +2,18 @@
 
 import math
 
+import numpy as np
+
+from hsslam_node.doctor.depth import FILL_HOLES, LEAST_WHOLE
 from hsslam_node.errors import UserError
 from hsslam_node.map.pose_log import Status
 from hsslam_node.sources.reports import Report
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult, whole_share
 from hsslam_proto.frame_order import Place
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker
 
+_MUCH = 0.2  # of the pixels with depth
 _REPORTED_ROWS = tuple(10**k for k in range(1, 9))  # unusable frames without a usable one between
 
 
@@ -54,12 +58,12 @@ class TrackingEvents:
             text = f"{self._refused} frames in a row dropped; the last, frame {index}: {error}"
             self._worker.event("warning", text)
 
-    def take(self, result: TrackResult) -> None:
-        """Count and report the result of a frame."""
+    def take(self, result: TrackResult, depth_raw: np.ndarray) -> None:
+        """Count and report the result of a frame; depth_raw [H, W] uint16 of it."""
         self._refused = 0
         self._count(result)
         self._report_fragment(result)
-        self._report_status(result)
+        self._report_status(result, depth_raw)
         self._report_room()
         self._report_wait(result)
         self._report_odometry(result)
@@ -79,13 +83,13 @@ class TrackingEvents:
             text = f"a new map, fragment {result.fragment}, begins at frame {result.frame_index}"
             self._worker.event("info", text)
 
-    def _report_status(self, result: TrackResult) -> None:
+    def _report_status(self, result: TrackResult, depth_raw: np.ndarray) -> None:
         before, self._last_status = self._last_status, result.status
         if before == result.status:
             return
         frame = f"frame {result.frame_index}"
         if result.status == "lost":
-            self._worker.event("warning", f"lost at {frame}")
+            self._worker.event("warning", f"lost at {frame}{_holes(depth_raw)}")
         elif result.status == "dead_reckoned":
             self._worker.event(
                 "warning", f"{frame} cannot be aligned: from it on, poses come from odometry alone"
@@ -152,3 +156,14 @@ class TrackingEvents:
         if fault not in self._warned:
             self._warned.add(fault)
             self._worker.event("warning", text)
+
+
+def _holes(depth_raw: np.ndarray) -> str:
+    """Why a lost frame has no depth points although it has depth; "" if it has points, or no depth."""
+    known, whole = np.count_nonzero(depth_raw) / depth_raw.size, whole_share(depth_raw)
+    if known < _MUCH or whole >= LEAST_WHOLE:
+        return ""
+    return (
+        f": {100 * known:.0f} % of its pixels have depth, but only {100 * whole:.0f} % have depth around "
+        f"them: expected {100 * LEAST_WHOLE:.0f} %: {FILL_HOLES}"
+    )

@@ -30,15 +30,24 @@ def room(step_per_m: float | None, units_per_m: float = 5000.0) -> list[np.ndarr
 
 
 def test_coverage():
-    full = np.full((10, 10), 5000, np.uint16)
+    full = np.full((100, 100), 5000, np.uint16)
     half, none = full.copy(), np.zeros_like(full)
-    half[:6] = 0
+    half[:60] = 0
     assert check_coverage([full] * 20).severity == "ok"
     assert check_coverage([half] * 20).severity == "note"
     assert check_coverage([full] * 19 + [none]).severity == "note"
     assert check_coverage([full] * 10 + [none] * 2).severity == "fault"
     assert check_coverage([none]).severity == "fault"
     assert check_coverage([half]).value == 40
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_a_pattern_of_holes_is_a_fault(columns):
+    """As a registration to a finer image leaves it: the tracker finds no point with depth around it."""
+    v, u = np.mgrid[0:60, 0:80]
+    depth = np.where((v % 3 < 2) & (u % columns < 2), 5000, 0).astype(np.uint16)
+    found = check_coverage([depth] * 5)
+    assert found.severity == "fault" and "fill them" in found.advice
 
 
 @pytest.mark.parametrize(

@@ -288,6 +288,29 @@ def test_a_clock_of_the_source_that_stands_still_is_counted(make_run: Callable[.
         assert worker.counters[_STOOD_STILL] == 2
 
 
+@pytest.mark.parametrize("has_holes", [True, False])
+def test_a_camera_lost_because_of_holes_in_its_depth_is_told_so(
+    make_run: Callable[..., RunInfo], capfd, has_holes: bool
+):
+    run, depth = make_run(), _frames_of(160, 1)[0].depth_raw.copy()
+    if has_holes:
+        depth[::3] = 0
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        events = TrackingEvents(worker, SharedMap(worker.arena, worker.options.slam))
+        result = TrackResult(
+            frame_index=0,
+            status="lost",
+            T_world_cam=np.eye(4),
+            keyframe=-1,
+            T_keyframe_cam=np.eye(4),
+        )
+        events.take(result, depth)
+    (line,) = [line for line in capfd.readouterr().err.splitlines() if "lost at frame 0" in line]
+    assert (
+        "67 % of its pixels have depth, but only 0 % have depth around them" in line
+    ) == has_holes
+
+
 def _frames_of(width_px: int, count: int) -> list[Frame]:
     size = SynthOptions(width_px=width_px, height_px=3 * width_px // 4)
     frames = open_source("synth:room", SourceOptions(frames=count, synth=size)).frames()
