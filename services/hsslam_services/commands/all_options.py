@@ -4,6 +4,7 @@ import importlib
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from hsslam_node.presets import PRESETS
 from hsslam_services.commands.options.option_table import Option, option_table
 
 _ROOM = "hsslam_services.commands"
@@ -61,9 +62,11 @@ def options_class(command: str) -> type | None:
 
 
 def options_of(command: str) -> list[Option]:
-    """The options of this command."""
+    """The options of this command, with the defaults of a run without options: those of preset realtime."""
     cls = options_class(command)
-    return [] if cls is None else option_table(cls)
+    if cls is None:
+        return []
+    return option_table(cls, cls(slam=PRESETS["realtime"]) if command == "hsslam-serve" else None)
 
 
 def subcommands(command: str) -> list[str]:

@@ -44,6 +44,9 @@ Relative paths in a file start at the working folder.
 Options on the command line win over files, a later file wins over an earlier one, files win over the preset.
 A file that names its preset cannot be combined with another `--preset`.
 
+The defaults of the `--slam` options below are those of preset `realtime`. `hsslam-serve --preset paper
+--help-all` shows those of another preset.
+
 `--config camera:NAME` reads the published calibration of a camera for `record:FOLDER`: {cameras}.
 `--config camera:kinect-v1 --camera.depth-scale 5000` changes one value of it.
 
