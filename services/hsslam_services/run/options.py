@@ -39,7 +39,7 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 
 @dataclass(frozen=True)
 class ServeOptions:
-    """Dense RGB-D SLAM as a service: tracks a camera, builds a mesh, logs everything.
+    """Dense RGB-D SLAM as a service: tracks a camera, builds a mesh, logs the run.
 
     Examples:
       hsslam-serve --source tum:my_recording --viewer web --out runs/mine
