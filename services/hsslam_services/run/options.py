@@ -111,7 +111,7 @@ class ServeOptions:
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 1.05
-    """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
+    """Limit of shared memory, GB; near it fewer keyframes are kept."""
     viewer_memory_gb: float | None = None
     """Memory limit of the viewer, GB; it drops the oldest data beyond it (none: spawn 0.5, web 0.15)."""
     out: str = ""
