@@ -60,7 +60,7 @@ IMU = Topic(
 SOURCE_END = Topic("in/end", run_messages.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
 POSE = Topic("out/pose", m.Pose, "tracker", "30 Hz", "latest", 64 * _KIB, history=600, drawn=True)
 KEYFRAME = Topic(
-    "out/keyframe", m.Keyframe, "tracker", "about 1 Hz", "keep", 8 * _KIB, history=4096, drawn=True
+    "out/keyframe", m.Keyframe, "tracker", "up to 8 Hz", "keep", 8 * _KIB, history=4096, drawn=True
 )
 MAP = Topic("out/map", m.MapVersion, "mapper", "1 to 10 Hz", "keep", 8 * _KIB, 16, drawn=True)
 CORRECTION = Topic(
