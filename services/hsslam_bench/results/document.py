@@ -103,7 +103,7 @@ def _table(rows: Sequence[Row]) -> list[str]:
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
-    """Rows whose values are a mapping for each run: a line a value, a column a run."""
+    """Rows whose values are a mapping for each run: what each measures, a line a value, a column a run."""
     columns = list({run: None for row in rows for run in row.values})
     cells: list[tuple[str, ...]] = []
     for row in rows:
@@ -117,7 +117,8 @@ def _columns(rows: Sequence[Row]) -> list[str]:
             for name, values in zip(names, shown, strict=True)
             if any(value is not None and value >= _SHOWN for value in values)
         ]
-        cells += [(f"`{row.name}`" if k == 0 else "", *line) for k, line in enumerate(lines)]
+        cells.append((f"`{row.name}`", row.what, *[""] * len(columns)))
+        cells += [("", *line) for line in lines]
     return _lines([("row", "", *columns), *cells])
 
 

@@ -33,6 +33,13 @@ def test_tables_of_the_performance_document_name_rows_that_are_there():
         assert f"| `{name}` |" in filled
 
 
+def test_a_table_of_columns_tells_what_its_rows_measure_and_the_unit(tmp_path: Path):
+    row = dataclasses.replace(row_of("growth:room:time"), values={"growth-4m": {"all": 53.1}})
+    found = read_for_documents(stored(tmp_path / "1.json", row))
+    filled = with_tables(f"<!-- bench:columns growth:room:time -->\n{END}\n", "page.md", [found])
+    assert ", ms of core time a frame |  |\n|  | all | 53.1 |\n" in filled
+
+
 @pytest.mark.parametrize("name", ["results.md", "performance.md", "batch.md"])
 def test_tables_of_the_documents_show_the_figures_that_are_kept(name: str):
     docs = ROOT / "docs"
@@ -136,7 +143,7 @@ def test_document_holds_chosen_rows_and_their_values_by_run(tmp_path: Path):
         "memory",
     ]
     assert "| row |  | viewer-room | viewer-kitchen |" in second
-    assert "| `budget` | tracker | 9.5 | 8.0 |" in second
+    assert "\n|  | tracker | 9.5 | 8.0 |\n" in second
     assert "saver" not in second
     assert second.endswith(f"{END}\nthree\n")
     document.write_text(f"<!-- bench:rows bugdet -->\n{END}\n")
