@@ -80,9 +80,9 @@ class Option:
         return tuple(re.sub("[A-Z]+$", "", word) for word in self.value.split("|"))
 
     def default_text(self) -> str:
-        """The default as on the command line; "" if it is None, empty or off."""
+        """The default as on the command line; "" if it is None, empty or off, or no path (`Path()`)."""
         value = self.default
-        if value is None or value is False or value == () or value == "":
+        if value is None or value is False or value in ((), "", Path()):
             return ""
         if value is True:
             return "on"

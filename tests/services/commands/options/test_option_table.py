@@ -109,6 +109,11 @@ def test_every_option_of_every_command_is_explained(
         assert "Raises" not in shown
 
 
+def test_a_file_that_must_be_given_has_no_default():
+    assert [option.default_text() for option in options_of("hsslam-bench compare")] == ["", ""]
+    assert options_of("hsslam-batch run")[0].default_text() == "."
+
+
 def test_the_basic_options_exist_and_have_one_line_each(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
