@@ -26,7 +26,7 @@ class Ros2Options:
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0
-    """ROS_DOMAIN_ID of the ROS nodes."""
+    """Domain of the ROS nodes: their ROS_DOMAIN_ID, which is not read."""
     connect: str = ""
     """Router of ROS nodes (empty: on port 7447 here, our own or rmw_zenohd)."""
     odometry: str = ""
