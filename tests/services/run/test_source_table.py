@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.cameras.rows import OAK, ORBBEC
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import SourceRow, guess_source, imported
@@ -113,8 +114,11 @@ def test_the_library_opens_no_log():
 def test_users_read_of_every_source_and_of_no_other(place: str, part: str):
     flags = re.S if place != "README.md" else re.M
     (listed,) = re.findall(part, (ROOT / place).read_text(), flags)
-    found = re.findall(r"(?<!\w)(realsense)\b|(?<![\w(])([a-z0-9]+):(?=[\w/`. ])", listed)
-    assert {"".join(groups) for groups in found} - {"sources"} == {row.kind for row in OWN_SOURCES}
+    found = re.findall(
+        r"(?<!\w)(realsense|orbbec|oak)\b|(?<![\w(])([a-z0-9]+):(?=[\w/`. ])", listed
+    )
+    kinds = {row.kind for row in (*OWN_SOURCES, ORBBEC, OAK)}
+    assert {"".join(groups) for groups in found} - {"sources"} == kinds
 
 
 def test_help_lists_every_source():
