@@ -78,6 +78,13 @@ def test_a_service_has_what_it_needs(name):
     assert set(mounted) == {f"/home/hsslam/{folder}" for folder in made.split()[1:]}
 
 
+def test_options_for_a_service_open_the_port_of_its_health_check():
+    text = (ROOT / "docs/containers.md").read_text()
+    (line,) = re.findall(r"^docker compose \S+ \S+ run -v .*$", text, re.MULTILINE)
+    words = shlex.split(line)
+    assert parse_command_line(words[words.index("hsslam") + 1 :]).metrics_port == 9100
+
+
 def test_kernels_of_the_gpu_are_kept_where_the_service_may_write():
     place = "/home/hsslam/.cache"
     volumes = _compose()["services"]["hsslam-cuda"]["volumes"]
