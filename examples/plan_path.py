@@ -16,7 +16,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
@@ -80,6 +79,10 @@ def clearance_on_grid(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
     The clearance is the distance to the edge of the nearest cell that is occupied or unknown.
     """
+    try:
+        import yaml
+    except ModuleNotFoundError:
+        raise UserError(f"{file}: package PyYAML is not installed: pip install pyyaml") from None
     try:
         grid = yaml.safe_load(file.read_text())
         picture = cv2.imread(str(file.parent / grid["image"]), cv2.IMREAD_GRAYSCALE)

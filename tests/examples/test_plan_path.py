@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import sys
 from pathlib import Path
 
 import cv2
@@ -89,6 +90,13 @@ def test_a_grid_without_its_picture_is_one_line(tmp_path):
         done = run_script(EXAMPLE, str(file))
         assert done.returncode == 1
         assert told in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_only_a_grid_needs_pyyaml(monkeypatch):
+    monkeypatch.setitem(sys.modules, "yaml", None)  # as if it were not installed
+    done = run_script(EXAMPLE, "map.yaml")
+    assert "error: map.yaml: package PyYAML is not installed: pip install pyyaml" in done.stderr
+    assert "error: nowhere: no such file" in run_script(EXAMPLE, "nowhere").stderr
 
 
 @pytest.mark.parametrize(
