@@ -258,7 +258,8 @@ class Ros2Source:
         while (sample := around.try_recv()) is not None:
             keys.add(str(sample.key_expr))
         found = sorted(f"{topic_of(key)} ({type_of(key).rpartition('/')[2]})" for key in keys)
-        return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
+        remedy = "nodes need RMW_IMPLEMENTATION=rmw_zenoh_cpp"
+        return ", ".join(found) or f"nothing in domain {self._options.ros2.domain} ({remedy})"
 
 
 def _stopped(name: str) -> UserError:

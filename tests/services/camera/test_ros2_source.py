@@ -101,7 +101,8 @@ def test_what_is_heard_is_said_where_nothing_fits(endpoint, ros_camera, room):
         UserError, match=r"colour and depth are 16\.\d ms apart, --ros2\.max-dt-ms 15"
     ):
         open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.5))
-    with pytest.raises(UserError, match="heard: nothing in domain 7"):
+    remedy = r"\(nodes need RMW_IMPLEMENTATION=rmw_zenoh_cpp\)"
+    with pytest.raises(UserError, match=f"heard: nothing in domain 7 {remedy}"):
         open_any_source("ros2:/camera", ros2_options(endpoint, timeout_s=0.1, domain=7))
 
 
