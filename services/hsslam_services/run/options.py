@@ -45,6 +45,7 @@ class ServeOptions:
       hsslam-serve --source tum:my_recording --viewer web --out runs/mine
       hsslam-serve --config runs/mine --seed 1     repeat a run with another seed
       hsslam-serve warm-up                         compile the CPU kernels before the first run
+      hsslam-serve rescue runs/mine                save what a run could not (exit code 4)
 
     Ctrl-C ends a run and saves everything.
 
