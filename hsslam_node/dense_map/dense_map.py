@@ -114,9 +114,9 @@ class DenseMap:
 
         Space that no keyframe saw counts as free: `is_free` tells whether all was seen. A ray that starts
         behind a surface must come out before it can hit one. A surface that no keyframe saw, or that
-        keyframes saw through later, is no hit: the ray passes it. A ray that meets a surface that keyframes
-        measured, and then none of the field within 10 cm, ends there, to 5 cm. A ray that reaches the map
-        after more than 10^9 m hits nothing.
+        keyframes saw through later, is no hit: the ray passes it. If the field has no surface within 10 cm
+        behind a measured one, the ray ends at the measured one; its length is then good to 5 cm. A ray that
+        reaches the map after more than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
