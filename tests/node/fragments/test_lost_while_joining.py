@@ -40,7 +40,7 @@ def test_a_camera_that_is_lost_while_its_fragment_is_copied_goes_on_in_the_map(c
 
 
 def test_one_lost_frame_does_not_end_the_join_of_a_fragment():
-    tracker, store, end = until_it_is_copied(before=9)
+    tracker, store, end = until_it_is_copied(before=6)
     before, (frames, _) = store.count, walk()
     assert tracker._joining is not None
     lost = tracker.track(with_black(frames[end]), None)
@@ -55,7 +55,7 @@ def test_one_lost_frame_does_not_end_the_join_of_a_fragment():
 def test_a_fragment_that_finds_too_little_room_is_kept_when_the_camera_is_lost():
     """The camera then sees nothing that map or fragment show, and the next fragment begins."""
     kept: list[Fragment] = []
-    tracker, store, end = until_it_is_copied(kept, before=60)
+    tracker, store, end = until_it_is_copied(kept, before=12)
     frames = walk()[0]
     building = SourceOptions(frames=1, synth=SynthOptions(width_px=160, height_px=120))
     (elsewhere,) = open_source("synth:apartment", building).frames()
@@ -75,12 +75,12 @@ def test_a_fragment_that_finds_too_little_room_is_kept_when_the_camera_is_lost()
 def test_a_search_by_hand_does_not_end_a_join_whose_place_is_just_found():
     """The comparison that runs beside has found the place of the fragment; no frame knows of it yet."""
     kept: list[Fragment] = []
-    tracker, _, end = until_it_is_copied(kept, before=18)
+    tracker, _, end = until_it_is_copied(kept, before=9)
     frames, truth = walk()
     assert tracker._joining is None
     near = Whereabouts(truth[end], np.array([0.0, -1.0, 0.0]))
     assert tracker.find_near(frames[end], None, near) is None
-    results = [tracker.track(frame, None) for frame in frames[end : end + 19]]
+    results = [tracker.track(frame, None) for frame in frames[end : end + 10]]
     assert any(r.joined for r in results) and not kept
 
 
