@@ -40,6 +40,10 @@ from tests.small_room import (
 )
 
 CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))
+HASTY = replace(
+    SMALL, mapper=replace(SMALL.mapper, first_iterations=2, iterations=1, last_iterations=1)
+)
+"""Leaves the map as good as untrained: for tests that do not ask it."""
 
 
 @cache
@@ -143,7 +147,7 @@ def test_its_trajectory_is_of_all_frames_as_refined():
 
 
 def test_a_map_that_is_held_stays_as_it_is():
-    slam = Slam(SMALL)
+    slam = Slam(HASTY)
     for frame in room_frames()[:2]:
         slam.process(frame)
     held = slam.map
@@ -160,13 +164,10 @@ def test_a_map_that_is_held_stays_as_it_is():
 
 
 def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
-    graph = replace(CONFIG.pose_graph, loop_gap=3, aligned_every=1)
-    ba = replace(CONFIG.ba, every_keyframes=1000)
-    slam, frames, right = (
-        Slam(replace(CONFIG, ba=ba, pose_graph=graph)),
-        room_frames(),
-        room_poses(),
-    )
+    graph = replace(HASTY.pose_graph, loop_gap=3, aligned_every=1)
+    ba = replace(HASTY.ba, every_keyframes=1000)
+    slam = Slam(replace(HASTY, ba=ba, pose_graph=graph))
+    frames, right = room_frames(), room_poses()
     for frame in frames[:13]:
         slam.process(frame)
     tracker, store = slam._tracker, slam.store
@@ -183,13 +184,13 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
 def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
     """The camera goes through a dark door into another building."""
     room = room_frames()[:4]
-    options = SourceOptions(stride=6, frames=30, synth=SynthOptions(width_px=160, height_px=120))
+    options = SourceOptions(stride=6, frames=12, synth=SynthOptions(width_px=160, height_px=120))
     other = [f for f in open_source("synth:apartment", options).frames() if isinstance(f, Frame)]
     last_ns, step_ns = room[-1].stamp_ns, 200_000_000
-    dark = [with_black(room[-1], stamp_ns=last_ns + k * step_ns) for k in range(1, 20)]
-    after = [replace(f, stamp_ns=last_ns + (20 + k) * step_ns) for k, f in enumerate(other)]
+    dark = [with_black(room[-1], stamp_ns=last_ns + k * step_ns) for k in range(1, 6)]
+    after = [replace(f, stamp_ns=last_ns + (6 + k) * step_ns) for k, f in enumerate(other)]
     for folder in (None, tmp_path / "run", tmp_path / "run"):
-        slam = Slam(SMALL, fragments=folder)
+        slam = Slam(HASTY, new_map_after_s=1.0, fragments=folder)
         for frame in (*room, *dark, *after):
             slam.process(frame)
         slam.finish()
@@ -239,7 +240,7 @@ def test_without_a_frame_there_is_no_map():
 
 
 def test_frames_that_cannot_be_read_are_left_out_and_listed():
-    frames, slam = room_frames(), Slam(SMALL)
+    frames, slam = room_frames(), Slam(HASTY)
     bad = BadFrame(1, frames[1].stamp_ns, "rgb/1.png: truncated at 50 bytes")
     results = list(slam.run([frames[0], bad, frames[2]]))
     assert [(r.frame_index, r.status) for r in results] == [(0, "initial"), (2, "tracked")]
@@ -247,9 +248,7 @@ def test_frames_that_cannot_be_read_are_left_out_and_listed():
 
 
 def test_frames_without_depth_at_the_start_are_waited_out():
-    config = replace(CONFIG, mapper=replace(CONFIG.mapper, first_iterations=2))
-    slam = Slam(config)
-    frames = room_frames()
+    slam, frames = Slam(HASTY), room_frames()
     assert slam.process(with_black(frames[0])).status == "lost"
     assert slam.parameters is None
     assert slam.process(frames[1]).status == "initial"
@@ -258,7 +257,7 @@ def test_frames_without_depth_at_the_start_are_waited_out():
 
 def test_a_map_begins_with_a_frame_that_has_depth_for_it():
     """The tracker takes depth up to 6 m, the map here only up to 1 m."""
-    near = replace(CONFIG, mapper=replace(CONFIG.mapper, first_iterations=2, max_depth_m=1.0))
+    near = replace(HASTY, mapper=replace(HASTY.mapper, max_depth_m=1.0))
     slam, first = Slam(near), room_frames()[0]
     assert first.depth_m()[first.depth_raw > 0].min() > 1.0
     assert slam.process(first).status == "lost" and slam.parameters is None
