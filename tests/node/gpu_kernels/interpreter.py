@@ -28,6 +28,7 @@ def import_gpu_kernels() -> None:
             importlib.import_module(module.name)
     if settings:
         _patch_the_language_once_a_launch()
+        _look_for_no_overflow()
 
 
 def _patch_the_language_once_a_launch() -> None:
@@ -42,3 +43,11 @@ def _patch_the_language_once_a_launch() -> None:
         return patch_and_call(function, *args, **kwargs)
 
     interpreted.__call__ = call
+
+
+def _look_for_no_overflow() -> None:
+    """The interpreter computes each sum and product of int32 a second time in int64, and compares, for an
+    assertion that it then leaves out as `debug` is off."""
+    options = importlib.import_module("triton.runtime.interpreter").interpreter_builder.options
+    assert not options.debug
+    object.__setattr__(options, "sanitize_overflow", False)  # of a frozen class
