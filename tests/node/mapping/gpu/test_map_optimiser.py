@@ -122,7 +122,7 @@ def test_a_report_is_of_its_own_step_also_after_the_next(late):
 
 
 def test_a_mapper_moves_poses_by_reports_that_come_late(late):
-    mapper_config = replace(TINY.mapper, rays=24, window_keyframes=4, pose_rate=1e-3)
+    mapper_config = replace(TINY.mapper, rays=12, window_keyframes=4, pose_rate=1e-3)
     config = replace(TINY, mapper=mapper_config)
     refined = []
     for device in (CPU, GPU):
