@@ -1,5 +1,7 @@
 """A keyframe store after many minutes of motion, whose keyframes were retired and corrected all the time."""
 
+from copy import deepcopy
+
 import numpy as np
 
 from hsslam_node.frame import Frame
@@ -25,6 +27,11 @@ class LongStore:
         self.T_world_cam = np.zeros((0, 4, 4))
         self.anchors = np.zeros(0, np.int64)
         self._random = np.random.default_rng(0)
+
+    def go_on_from(self, other: "LongStore") -> None:
+        """Go on as a store whose arrays were copied."""
+        self.T_world_cam, self.anchors = other.T_world_cam.copy(), other.anchors.copy()
+        self._random = deepcopy(other._random)
 
     def extend(self, count: int) -> None:
         """Append keyframes until the store has `count`."""

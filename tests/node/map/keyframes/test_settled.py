@@ -48,6 +48,26 @@ def long(arrays: Dropping) -> LongStore:
     return made
 
 
+@pytest.fixture(scope="module")
+def exact() -> tuple[LongStore, Dropping]:
+    """As long as a store can be in which none settles."""
+    arrays = Dropping()
+    made = LongStore(arrays)
+    made.extend(_EXACT)
+    return made, arrays
+
+
+@pytest.fixture
+def copied(exact: tuple[LongStore, Dropping]) -> tuple[LongStore, Dropping]:
+    """A copy of the store `exact`."""
+    arrays = Dropping()
+    for name, array in exact[1]._arrays.items():
+        arrays.create(name, array.shape, array.dtype)[:] = array
+    made = LongStore(arrays)
+    made.go_on_from(exact[0])
+    return made, arrays
+
+
 def test_poses_of_settled_keyframes_follow_their_anchors(long: LongStore, arrays: Dropping):
     assert len(arrays.dropped) > 2 * 0.5 * (_COUNT - _EXACT) / BLOCK_ROWS  # of both banks
     for store in (long.store, KeyframeStore(arrays)):  # in every process
@@ -78,9 +98,8 @@ def test_stamps_frames_and_anchors_of_settled_keyframes_stay(long: LongStore):
     assert long.store.stamps_ns().tolist() == list(range(_COUNT))
 
 
-def test_anchors_of_settled_keyframes_may_settle_too():
-    arrays = Dropping()
-    made = LongStore(arrays)
+def test_anchors_of_settled_keyframes_may_settle_too(copied: tuple[LongStore, Dropping]):
+    made, arrays = copied
     made.extend(_EXACT + 2048)
     for k in (0, STAYS):  # one after the other: a chain
         made.retire(k, k + STAYS)
@@ -90,10 +109,9 @@ def test_anchors_of_settled_keyframes_may_settle_too():
         np.testing.assert_array_equal(store.pose(200), store.poses()[200])
 
 
-def test_a_reader_meanwhile_sees_every_pose():
-    arrays = Dropping()
-    made, stop, wrong = LongStore(arrays), threading.Event(), []
-    made.extend(_EXACT)
+def test_a_reader_meanwhile_sees_every_pose(copied: tuple[LongStore, Dropping]):
+    made, arrays = copied
+    stop, wrong = threading.Event(), []
 
     def read() -> None:
         store = KeyframeStore(arrays)
@@ -109,9 +127,8 @@ def test_a_reader_meanwhile_sees_every_pose():
     assert arrays.dropped and not wrong
 
 
-def test_a_restarted_process_drops_what_the_one_before_left():
-    arrays = Dropping()
-    made = LongStore(arrays)
+def test_a_restarted_process_drops_what_the_one_before_left(copied: tuple[LongStore, Dropping]):
+    made, arrays = copied
     made.extend(_EXACT + 2048)
     before = arrays.dropped.copy()
     assert before
@@ -122,9 +139,10 @@ def test_a_restarted_process_drops_what_the_one_before_left():
     np.testing.assert_allclose(made.store.poses(), made.T_world_cam, atol=1e-5)
 
 
-def test_a_block_that_a_process_marked_in_part_settles_as_a_whole():
-    arrays = Dropping()
-    made = LongStore(arrays)
+def test_a_block_that_a_process_marked_in_part_settles_as_a_whole(
+    copied: tuple[LongStore, Dropping],
+):
+    made, arrays = copied
     made.extend(_EXACT + 2048)
     flags = arrays.open("keyframe_meta.000")[:, -1]
     settled = np.flatnonzero(flags[::BLOCK_ROWS])
@@ -138,10 +156,9 @@ def test_a_block_that_a_process_marked_in_part_settles_as_a_whole():
     np.testing.assert_allclose(made.store.poses(), made.T_world_cam, atol=1e-5)
 
 
-def test_blocks_settle_once_there_is_memory_for_it():
-    arrays = Dropping()
+def test_blocks_settle_once_there_is_memory_for_it(copied: tuple[LongStore, Dropping]):
+    made, arrays = copied
     arrays.is_full = True
-    made = LongStore(arrays)
     made.extend(_EXACT + 2048)
     assert not arrays.dropped
     arrays.is_full = False
