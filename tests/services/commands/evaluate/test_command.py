@@ -117,13 +117,14 @@ def test_scores_go_to_a_pipe_and_not_into_a_folder(result, tmp_path, capfd, monk
     assert (left.value.code, capfd.readouterr().err) == (2, text)
 
 
+@pytest.mark.usefixtures("few_samples")
 def test_a_mesh_that_no_camera_sees_is_told(result, tmp_path, capsys):
     """As one in mm."""
     mesh = trimesh.load(result / "mesh.ply", process=False, force="mesh")
     mesh.vertices = 1000 * mesh.vertices
     mesh.export(tmp_path / "mm.ply")
     files = ("--trajectory", str(result / "trajectory.txt"), "--mesh", str(tmp_path / "mm.ply"))
-    few = ("--no-consistency", "--depth-views", "0", "--cull-views", "0")
+    few = ("--frames", "12", "--no-consistency", "--depth-views", "0", "--cull-views", "0")
     main([*files, *_SOURCE, *few])
     text = "no camera sees any of it: expected metres, in the world of the trajectory"
     assert capsys.readouterr().err == f"mesh: not scored: {text}\n"
