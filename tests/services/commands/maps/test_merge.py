@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.merging import merge_maps
+from hsslam_node.presets import REALTIME
 from hsslam_services.commands.maps.command import main
 from tests.small_room import pose_error
 from tests.two_sessions import FIRST, SECOND, saved_session, walk
@@ -65,7 +68,10 @@ def test_two_sessions_become_one_run(runs, tmp_path, capsys):
     assert summary["merged"]["places"] >= 3 and summary["merged"]["keyframes"] == [8, 8]
 
 
-def test_of_a_second_look_at_the_same_place_one_keyframe_stays(runs, tmp_path):
+def test_of_a_second_look_at_the_same_place_one_keyframe_stays(runs, tmp_path, monkeypatch):
+    """The map is hardly fitted: what stays is chosen before."""
+    hasty = replace(REALTIME.mapper, iterations=1, last_iterations=0)
+    monkeypatch.setattr(merge_maps, "REALTIME", replace(REALTIME, mapper=hasty))
     saved_session(tmp_path / "again", FIRST)
     out = tmp_path / "both"
     arguments = ["merge", str(runs / "first"), str(tmp_path / "again"), "-o", str(out)]
