@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge, load_mesh
-from hsslam_node.evaluation.scores import protocol, scores_as_json
 from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.options.source import SourceOptions
@@ -39,6 +37,10 @@ def evaluate_run(
     truth = open_ground_truth(spec, options)
     if truth is None:
         return None
+    # late: both import trimesh, and most logs have no ground truth
+    from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge, load_mesh
+    from hsslam_node.evaluation.scores import protocol, scores_as_json
+
     folder = Path(run_dir)
     ates, rpes = score_trajectories(run_trajectories(folder), truth.trajectory)
     report: dict[str, Any] = {"protocol": protocol(), "ate": ates, "rpe": rpes}

@@ -18,6 +18,7 @@ _NEEDED = {
         {"torch", "numba", "cv2", "scipy"}
     ),
     "processes.mesher": {"numba", "cv2", "scipy", "skimage"},
+    "processes.evaluator": {"numba", "cv2", "scipy", "mcap"},  # trimesh only with ground truth
 }
 
 
@@ -57,3 +58,16 @@ print(*sys.modules)
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         assert ("pandas.core" in done.stdout.split()) == is_imported
         assert "Warning" not in done.stderr
+
+
+def test_a_mesh_is_saved_without_networkx_which_a_plugin_may_import_later():
+    code = """
+import sys
+from hsslam_services.launch.fork_server import networkx_left_out
+with networkx_left_out():
+    import hsslam_services.processes.mesh_saver
+print(*sys.modules)
+import networkx
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "trimesh" in done.stdout.split() and "networkx" not in done.stdout.split()
