@@ -60,10 +60,14 @@ class Lazy:
 def batch(tmp_path: Path) -> Batch:
     """A planned batch: a damaged log and a good one."""
     write_small_log(tmp_path / "logs" / "b-good")
-    log = write_small_log(tmp_path / "logs" / "a-damaged")
-    log.write_bytes(b"no log" + log.read_bytes())
+    _write_damaged_log(tmp_path / "logs" / "a-damaged")
     plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
     return read_batch(str(tmp_path / "out"))
+
+
+def _write_damaged_log(folder: Path) -> None:
+    log = write_small_log(folder)
+    log.write_bytes(b"no log" + log.read_bytes())
 
 
 def _work(
@@ -79,7 +83,18 @@ def _work_twice_at_once(batch: Batch, *options: str) -> list[subprocess.Complete
         return list(threads.map(lambda _: _work(batch, *options), range(2)))
 
 
-def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
+def test_a_log_becomes_the_run_that_a_user_makes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A log that is damaged, and a good one, which a source of a plugin without a length reads."""
+    install(tmp_path / "site", "hsslam-lazy", {"hsslam_lazy": _LAZY}, {"lazy": "hsslam_lazy:ROW"})
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"), prepend=os.pathsep)
+    _write_damaged_log(tmp_path / "logs" / "a-damaged")
+    log = write_small_log(tmp_path / "elsewhere")
+    (tmp_path / "logs" / "b-good.lazy").write_text(str(log.parent))
+    out = str(tmp_path / "out")
+    plan = [sys.executable, "-m", "hsslam_batch", "plan", str(tmp_path / "logs"), "--out", out]
+    said = subprocess.run([*plan, *QUICK], check=True, capture_output=True, text=True).stdout
+    assert "2 of them: number of frames not known before the run" in said
+    batch = read_batch(out)
     bad, good = read_manifest(batch.out)
     failed = _work(batch, "--index", str(bad.index))
     assert failed.returncode == 2
@@ -90,7 +105,7 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     limits = ("--memory", "6", "--timeout", "900")
     for done in _work_twice_at_once(batch, "--index", str(good.index), *limits):
         assert done.returncode == 0, done.stderr
-        assert done.stdout == "b-good: done, 6 of 6 frames tracked\n"
+        assert done.stdout == "b-good.lazy: done, 6 of 6 frames tracked\n"
     serve = [sys.executable, "-m", "hsslam_services.commands.serve", "--source", good.source]
     by_hand = [*serve, "--out", str(tmp_path / "hand"), "--pace", "lockstep", *QUICK]
     subprocess.run([*by_hand, "--viewer", "none"], check=True, capture_output=True, timeout=_LONG_S)
@@ -107,7 +122,7 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     assert not Path(arena.partition('"')[0]).exists()
 
     again = run_main(main, "work", batch.place, "--index", str(good.index))
-    assert again.returncode == 0 and "b-good: done" in again.stdout
+    assert again.returncode == 0 and "b-good.lazy: done" in again.stdout
     assert settled(batch, good.id) == outcome  # nothing ran
     beyond = run_main(main, "work", batch.place, "--index", "2")
     assert beyond.returncode == 2 and "--index 2: expected 0 to 1" in beyond.stderr
@@ -175,24 +190,8 @@ def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(batch: Bat
 def test_a_machine_without_shared_memory_is_not_the_fault_of_the_log(batch: Batch):
     """It may be tried again, here once other runs have ended or elsewhere."""
     log = read_manifest(batch.out)[1]
-    done = _work(batch, "--index", str(log.index), prefix=with_shared_memory("4m"))
+    done = _work(batch, "--index", str(log.index), prefix=with_shared_memory("16k"))
     assert done.returncode == 3, done.stderr
     assert f"{log.name}: crash: " in done.stderr and MORE_SHARED_MEMORY in done.stderr
     row = settled(batch, log.id)
     assert row and row.kind == "crash" and may_try_again(row, retries=2)
-
-
-def test_a_source_of_a_plugin_without_a_length_becomes_a_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    install(tmp_path / "site", "hsslam-lazy", {"hsslam_lazy": _LAZY}, {"lazy": "hsslam_lazy:ROW"})
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
-    log = write_small_log(tmp_path / "elsewhere")
-    (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / "a.lazy").write_text(str(log.parent))
-    out = str(tmp_path / "out")
-    plan = [sys.executable, "-m", "hsslam_batch", "plan", str(tmp_path / "logs"), "--out", out]
-    said = subprocess.run([*plan, *QUICK], check=True, capture_output=True, text=True).stdout
-    assert "1 of them: number of frames not known before the run" in said
-    done = _work(read_batch(out), "--index", "0")
-    assert (done.returncode, done.stdout) == (0, "a.lazy: done, 6 of 6 frames tracked\n"), done
