@@ -1,13 +1,12 @@
 """The savers and the rescue: files out of an arena that a real pipeline has filled, or has not."""
 
-import subprocess
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 
 from hsslam_node.geometry.trajectory import read_tum
@@ -23,32 +22,56 @@ from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.unsaved_marker import read_unsaved
 from hsslam_services.artefacts.rescue import rescue
 from hsslam_services.bus.bus import Bus
+from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
 
 _ROOM = SynthOptions(width_px=160, height_px=120)
 _FRAMES = 12
+_REALTIME = PRESETS["realtime"]
+_SLAM = replace(
+    _REALTIME,
+    mapper=replace(_REALTIME.mapper, first_iterations=60),
+    mesher=replace(_REALTIME.mesher, final_voxel_m=0.06),
+)
 _FILES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.safetensors", "mesh.ply")
 
 
-def _save(run: RunInfo, saver: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", f"hsslam_services.processes.{saver}", "--run", run.run_dir]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+@pytest.fixture
+def run(make_run: Callable[..., RunInfo]) -> RunInfo:
+    return make_run(synth=_ROOM, frames=_FRAMES, slam=_SLAM)
 
 
-def _save_all(run: RunInfo) -> dict[str, Any]:
+@pytest.fixture
+def client(run: RunInfo) -> Iterator[ForkClient]:
+    """It forks the savers, as several fresh interpreters would take longer."""
+    link = ForkClient(run.path)
+    link.start()
+    yield link
+    link.close()
+
+
+def _save(run: RunInfo, client: ForkClient, saver: str) -> int:
+    """Run a saver as the supervisor does; returns its exit code."""
+    return client.spawn(f"hsslam_services.processes.{saver}", run.path).wait(120)
+
+
+def _log_of(run: RunInfo, saver: str) -> str:
+    return (run.path / "logs" / f"{saver}.log").read_text()
+
+
+def _save_all(run: RunInfo, client: ForkClient) -> dict[str, Any]:
     """The sections of the summary that the savers leave."""
     sections: dict[str, Any] = {}
     for saver in ("trajectory_saver", "final_map_saver", "mesh_saver"):
-        done = _save(run, saver)
-        assert done.returncode == 0, done.stderr
+        assert _save(run, client, saver) == 0, _log_of(run, saver)
         sections |= read_result(run.path, saver).summary
     return sections
 
 
-def _fill(arena: Arena, config) -> None:
-    slam = Slam(config, seed=0, arrays=arena)
+def _fill(arena: Arena) -> None:
+    slam = Slam(_SLAM, seed=0, arrays=arena)
     for frame in open_source("synth:room", SourceOptions(synth=_ROOM, frames=_FRAMES)).frames():
         slam.process(frame)
     log = PoseLog(arena)  # the tracker's
@@ -56,15 +79,14 @@ def _fill(arena: Arena, config) -> None:
         log.append(row)
 
 
-def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo]):
-    preset = PRESETS["realtime"]
-    mapper = replace(preset.mapper, first_iterations=60)
-    slam = replace(preset, mapper=mapper, mesher=replace(preset.mesher, final_voxel_m=0.06))
-    run = make_run(synth=_ROOM, frames=_FRAMES, slam=slam)
-    _fill(Arena(Path(run.arena_dir)), slam)
+def test_trajectories_map_and_mesh_are_written_and_nothing_to_save_is_no_error(
+    run: RunInfo, client: ForkClient
+):
+    _expect_nothing(run, _save_all(run, client))
+    _fill(Arena(Path(run.arena_dir)))
     bus = Bus(run.endpoint, run.robot, "test")
     meshes = bus.subscribe(topics.MESH, 2)
-    summary = _save_all(run)
+    summary = _save_all(run, client)
 
     assert len(read_tum(run.path / "trajectory.txt")) == _FRAMES
     assert len(read_tum(run.path / "trajectory_online.txt")) == _FRAMES
@@ -88,8 +110,8 @@ def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo])
     for name in _FILES:
         (run.path / name).unlink()
     (run.path / "trajectory.txt").mkdir()  # what cannot be written costs nothing else
-    failed = _save(run, "trajectory_saver")
-    assert failed.returncode == 2 and "trajectory.txt: Is a directory" in failed.stderr
+    assert _save(run, client, "trajectory_saver") == 2
+    assert "trajectory.txt: Is a directory" in _log_of(run, "trajectory_saver")
     lines: list[str] = []
     not_saved = rescue(Path(run.arena_dir), run.path, lines.append)
     assert list(not_saved) == ["trajectories"] == list(_unsaved(run))
@@ -106,14 +128,14 @@ def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo])
     assert read_summary(run.path)["frames"] == {"tracked": _FRAMES, "lost": 0}
 
 
+def _expect_nothing(run: RunInfo, sections: dict[str, Any]) -> None:
+    """Empty trajectories, and neither map nor mesh."""
+    assert len(read_tum(run.path / "trajectory.txt")) == 0
+    assert not (run.path / "mesh.ply").exists()
+    assert sections["frames"] == {"tracked": 0, "lost": 0}
+
+
 def _unsaved(run: RunInfo) -> tuple[str, ...]:
     found = read_unsaved(Path(run.arena_dir))
     assert found is not None
     return found.artefacts
-
-
-def test_nothing_to_save_is_no_error(run_info: RunInfo):
-    sections = _save_all(run_info)
-    assert len(read_tum(run_info.path / "trajectory.txt")) == 0
-    assert not (run_info.path / "mesh.ply").exists()
-    assert sections["frames"] == {"tracked": 0, "lost": 0}
