@@ -1,24 +1,18 @@
 """Bad input: one line and exit code 2, or a counted drop and a run that goes on."""
 
 import socket
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import torch
-import zenoh
 
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
-from hsslam_proto import topics
-from hsslam_proto.codec import encode, encoding_of
-from hsslam_proto.frame_codec import frame_message
-from hsslam_proto.run_messages import SourceEnd
-from tests.services.serve_process import SENT_ROOM, SMALL_ROOM, ServeProcess
+from tests.services.serve_process import SMALL_ROOM, ServeProcess
 from tests.services.small_shared_memory import with_shared_memory
 
 pytestmark = pytest.mark.e2e
@@ -101,67 +95,6 @@ def test_frames_that_cannot_be_read_are_counted_and_the_run_goes_on(serve, tmp_p
     for index in (5, 10, 15):
         assert f"frame {index} skipped" in run.stderr
     assert len(read_tum(run.out / "trajectory.txt")) == 21
-
-
-def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
-    run = serve(*SENT_ROOM)
-    run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
-    bus = run.bus
-    frames = list(open_source("synth:room", _ROOM).frames())[:10]
-    session, key = _outsider(run.endpoint), topics.FRAME.key("robot")
-    good = encode(topics.FRAME, frame_message(frames[0], time.time_ns()))
-    encoding = encoding_of(topics.FRAME)
-    fx = frames[0].camera.fx
-    nan = good.replace(_packed("fx", fx), _packed("fx", float("nan")))
-    assert nan != good
-    bad = (
-        (good, encoding.replace(".v1", ".v2")),
-        (good[: len(good) // 2], encoding),
-        (nan, encoding),
-        (bytes(4 * 2**20), encoding),
-    )
-    for count, (payload, sent_as) in enumerate(bad, 1):
-        session.put(
-            key, payload, encoding=sent_as, congestion_control=zenoh.CongestionControl.BLOCK
-        )
-        _wait_until_rejected(run, count)
-    publisher = bus.publisher(topics.FRAME)
-    publisher.put(frame_message(frames[0], time.time_ns()))
-    run.wait_for_poses(1)
-    for frame in frames[1:]:
-        publisher.put(frame_message(frame, time.time_ns()))
-        run.wait_for_poses(1)
-    bus.publisher(topics.SOURCE_END).put(SourceEnd(frame_count=len(frames)))
-    session.close()
-    assert run.finish() == 0, run.stderr
-    summary = run.summary()
-    assert summary["processes"]["tracker"]["topics"]["in/frame"]["rejected"] == 4
-    assert "in/frame: version 2: expected 1" in run.stderr
-    assert summary["frames"]["tracked"] == len(frames)
-
-
-def _wait_until_rejected(run: ServeProcess, count: int) -> None:
-    """Return when the tracker has refused so many frames."""
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        missed = run.heartbeats("tracker", 1)[-1].topics.get("in/frame")
-        if missed is not None and missed.rejected >= count:
-            return
-    raise AssertionError(f"{count} frames are not refused: {run.stderr}")
-
-
-def _packed(name: str, value: float) -> bytes:
-    import msgspec
-
-    return msgspec.msgpack.encode(name) + msgspec.msgpack.encode(value)
-
-
-def _outsider(endpoint: str) -> zenoh.Session:
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", f'["{endpoint}"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    return zenoh.open(config)
 
 
 def _tum_folder(folder: Path, frames: int) -> Path:

@@ -1,4 +1,5 @@
-"""Frames of other cameras, restarted cameras and absurd numbers, sent to a real run."""
+"""Frames of other cameras, restarted cameras and absurd numbers, and messages that are no frames, sent to a
+real run."""
 
 import signal
 import time
@@ -8,13 +9,14 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import zenoh
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
-from hsslam_proto.codec import encoding_of
+from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import LARGEST_STEP, new_publisher
 from hsslam_proto.messages import Pose
@@ -60,15 +62,51 @@ def _answered(run: ServeProcess, publisher, frame: Frame, camera: int = 0) -> Po
     return run.poses[-1]
 
 
-def _refused(run: ServeProcess) -> int:
-    missed = run.heartbeats("tracker", 2)[-1].topics["in/frame"]
+def _refused(run: ServeProcess, heartbeats: int = 2) -> int:
+    missed = run.heartbeats("tracker", heartbeats)[-1].topics["in/frame"]
     return missed.rejected
 
 
+def _send_what_is_no_frame(run: ServeProcess, frame: Frame) -> None:
+    """Send messages that the tracker cannot read, each once it has refused those before."""
+    good = encode(topics.FRAME, frame_message(frame, time.time_ns()))
+    encoding, key = encoding_of(topics.FRAME), topics.FRAME.key("robot")
+    nan = good.replace(_packed("fx", frame.camera.fx), _packed("fx", float("nan")))
+    assert nan != good
+    bad = (
+        (good, encoding.replace(".v1", ".v2")),
+        (good[: len(good) // 2], encoding),
+        (nan, encoding),
+        (bytes(4 * 2**20), encoding),
+    )
+    with _outsider(run.endpoint) as session:
+        for count, (payload, sent_as) in enumerate(bad, 1):
+            block = zenoh.CongestionControl.BLOCK
+            session.put(key, payload, encoding=sent_as, congestion_control=block)
+            run.wait_until(lambda count=count: _refused(run, 1) >= count, 60)
+    assert _refused(run, 1) == len(bad)
+
+
+def _outsider(endpoint: str) -> zenoh.Session:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", f'["{endpoint}"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    return zenoh.open(config)
+
+
+def _packed(name: str, value: float) -> bytes:
+    return msgspec.msgpack.encode(name) + msgspec.msgpack.encode(value)
+
+
 def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_old_pose(serve):
+    """What cannot be read is counted, and the run goes on."""
     run = serve(*SENT_ROOM)
     run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
-    frames, sender = _frames(8), _sender(run)
+    frames = _frames(8)
+    _send_what_is_no_frame(run, frames[0])
+    assert "in/frame: version 2: expected 1" in run.stderr
+    sender = _sender(run)
     first = [_answered(run, sender, frame) for frame in frames]
     assert first[-1].status == "tracked"
     again = [_answered(run, sender, frame) for frame in frames[:4]]  # counts anew, does not say so
