@@ -154,12 +154,15 @@ def test_one_that_cannot_be_started_is_tried_again(run: RunInfo, monkeypatch: py
         link.close()
 
 
-def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInfo):
-    process = _start(fork_client, run, "obedient")
+def test_one_that_is_called_off_is_not_born(living_client: ForkClient, living_run: RunInfo):
+    assert living_client.pid is not None
+    os.kill(living_client.pid, signal.SIGSTOP)  # the request waits, as while a fork server imports
+    process = _start(living_client, living_run, "obedient")
     assert process.pid is None
     process.kill()
     assert process.wait(1) == -signal.SIGKILL
-    after = _start(fork_client, run, "obedient")
+    os.kill(living_client.pid, signal.SIGCONT)
+    after = _start(living_client, living_run, "obedient")
     _wait_for(lambda: _is_ready(after))
     children = [c for c in psutil.Process().children() if c.status() != psutil.STATUS_ZOMBIE]
     samples = [c.pid for c in children if _SAMPLE in " ".join(c.cmdline())]
