@@ -91,12 +91,15 @@ def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
     assert [row.verdict for row in rows] == ["skipped"] * 14
 
 
-def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
+def test_a_run_that_fails_is_a_bound_that_is_not_met(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """And what it leaves behind is found, also if the folder of the results is not absolute."""
     words = ("--out", "result.json", "--quick", "--only", "realtime:room:tracked")
     worker = (sys.executable, "-c", "open(0).read()", str(tmp_path / "result/realtime-room"))
     with subprocess.Popen(worker, stdin=subprocess.PIPE) as left:
-        result = _run(*words, "--", "--map", "/no/map.safetensors", cwd=tmp_path)
+        monkeypatch.chdir(tmp_path)
+        result = run_main(main, *words, "--", "--map", "/no/map.safetensors")
     assert result.returncode == 1
     stored = read_report(tmp_path / "result.json")
     (row,), (run,) = stored.rows, stored.runs
@@ -121,10 +124,10 @@ def test_wrong_options_of_the_runs_are_refused_before_a_row_is_measured(tmp_path
 
 
 def test_subcommands_are_listed_and_suggested():
-    told = _run("--help").stdout
+    told = run_main(main, "--help").stdout
     for name in (*TABLES, "peers", *RESULT_COMMANDS):
         assert re.search(rf"^  .*\b{name}\b", told, re.M), name
-    wrong = _run("tun")
+    wrong = run_main(main, "tun")
     assert wrong.returncode == 2
     assert (
         wrong.stderr.endswith(" or options; did you mean tum?\n") and wrong.stderr.count("\n") == 1
@@ -209,5 +212,5 @@ def _bench(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return _run(*out, *arguments)
 
 
-def _run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True, cwd=cwd)
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True)
