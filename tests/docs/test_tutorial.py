@@ -21,6 +21,7 @@ from tests.repository import ROOT
 
 TUTORIAL = ROOT / "docs/tutorial.md"
 FRAMES = 24
+_QUICKLY = "--slam.mapper.first-iterations 40"  # the quality of the map is no matter here
 # at 640x480, and of the small frames
 _INTRINSICS = {"525": "131.25", "319.5": "79.5", "239.5": "59.5"}
 
@@ -49,7 +50,7 @@ def test_the_tutorial(tmp_path):
         script = script.replace(at_full_size, here)
     # last, as its digits may be those of an intrinsic; another program may be on the default port
     port = free_endpoint().rpartition(":")[2]
-    script = script.replace("hsslam-serve ", f"hsslam-serve --zenoh-port {port} ")
+    script = script.replace("hsslam-serve ", f"hsslam-serve --zenoh-port {port} {_QUICKLY} ")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
