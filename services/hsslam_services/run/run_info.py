@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_node.durable_file import write_durably
-from hsslam_node.errors import UserError
+from hsslam_node.errors import MORE_SHARED_MEMORY, UserError
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_services.run.options import ServeOptions
@@ -71,8 +71,15 @@ class RunInfo:
             self.write()
 
     def write_into_arena(self) -> None:
-        """Write a copy into the arena: a rescue and `hsslam-ctl` then work without the run folder."""
-        write_atomically(Path(self.arena_dir) / RUN_FILE, msgspec.json.encode(self))
+        """Write a copy into the arena: a rescue and `hsslam-ctl` then work without the run folder.
+
+        Raises:
+            UserError: the shared memory is full.
+        """
+        try:
+            write_atomically(Path(self.arena_dir) / RUN_FILE, msgspec.json.encode(self))
+        except OSError as error:
+            raise UserError(f"{self.arena_dir}: {error.strerror}: {MORE_SHARED_MEMORY}") from None
 
     @staticmethod
     def read(run_dir: Path) -> "RunInfo":

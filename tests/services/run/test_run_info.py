@@ -1,5 +1,6 @@
 """run.json carries every option to the processes of a run."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,13 @@ def test_ros_nodes_are_at_the_router_that_has_their_port(asked: str, endpoint: s
     options = parse_command_line(asked.split())
     info = RunInfo("id", "/r", "/a", "unixsock-stream//a/router.sock", "r", 1, 2, options)
     assert info.ros_endpoint == info.source_options.ros2.connect == endpoint
+
+
+def test_a_copy_that_does_not_fit_into_shared_memory_is_no_fault_of_the_run_folder(
+    run_info: RunInfo, tmp_path: Path
+):
+    """A folder in the place of the file stands for memory without a free page."""
+    arena = tmp_path / "arena"
+    (arena / "run.json" / "full").mkdir(parents=True)
+    with pytest.raises(UserError, match=f"{arena}: .*: expected more shared memory"):
+        replace(run_info, arena_dir=str(arena)).write_into_arena()
