@@ -4,7 +4,7 @@ import csv
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from hsslam_node.durable_file import write_durably
+from hsslam_node.durable_file import durable_file, write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.export.trajectory_formats import (
     KITTI_TIMES,
@@ -45,7 +45,7 @@ def export(
     """Write the parts `only` of the log into the folder; yields a line for each file written.
 
     `say` gets a line for each part that the log lacks. If the folder is a run's, already has frames, or a
-    folder run.rrd, this writes nothing.
+    folder run.rrd, this writes nothing. Each file but the images of frames is written whole or not at all.
 
     Raises:
         UserError: the folder cannot be written, is a run's, or already has frames or a folder run.rrd.
@@ -123,7 +123,7 @@ def _write(stem: Path, trajectory: Trajectory, form: TrajectoryFormat) -> str:
 
 
 def _write_csv(path: Path, poses: list[messages.Pose]) -> str:
-    with path.open("w", newline="") as stream:
+    with durable_file(path, suffix="") as partial, partial.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(_COLUMNS)
         for p in poses:

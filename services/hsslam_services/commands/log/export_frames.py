@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+from hsslam_node.durable_file import write_durably
 from hsslam_node.geometry.trajectory import format_stamp
 from hsslam_proto import messages
 from hsslam_proto.frame_order import FrameOrder
@@ -14,14 +15,16 @@ from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.reading.files import Say
 from hsslam_services.log.reading.reader import bus_messages
 
-_LISTS = {"rgb": "timestamp file", "depth": "timestamp file", "associations": "colour, depth"}
+# rgb.txt, by which readers know the folder, is written last
+_LISTS = {"associations": "colour, depth", "depth": "timestamp file", "rgb": "timestamp file"}
 
 
 def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """Write rgb/, depth/, rgb.txt, depth.txt, associations.txt and camera.json for `tum:<folder>`.
 
     Images are the bytes of the log: colour as JPEG or PNG, depth as 16-bit PNG. Frames with other intrinsics
-    go to a separate folder beside it, frames-2, .... Yields a line for each folder.
+    go to a separate folder beside it, frames-2, .... Yields a line for each folder. After an error there are
+    images without lists, which are no recording; a repeated export replaces them.
     """
     order, found = FrameOrder(), dict[str, _Lists]()
     with ExitStack() as written, log_progress("frames", files) as progress:
@@ -54,11 +57,11 @@ class _Lists:
     def __enter__(self) -> "_Lists":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        if self.count:
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is None and self.count:
+            write_durably(self.folder / "camera.json", self._camera.encode())
             for name, lines in self._lines.items():
-                (self.folder / f"{name}.txt").write_text("".join(lines))
-            (self.folder / "camera.json").write_text(self._camera)
+                write_durably(self.folder / f"{name}.txt", "".join(lines).encode())
 
     def add(self, frame: messages.Frame) -> None:
         stamp = format_stamp(frame.source_stamp_ns)

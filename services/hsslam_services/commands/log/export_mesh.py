@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from hsslam_node.durable_file import durable_file
 from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.reading.files import Say
@@ -20,5 +21,6 @@ def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
         say("mesh: the live one, which may lack parts of the map, as the log has no final mesh")
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name
-        write_mesh(path, mesh)
+        with durable_file(path) as partial:
+            write_mesh(partial, mesh)
         yield f"{path}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"

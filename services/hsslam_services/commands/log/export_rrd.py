@@ -8,6 +8,7 @@ from pathlib import Path
 
 import rerun as rr
 
+from hsslam_node.durable_file import durable_file
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
@@ -21,14 +22,28 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     """Draw every message that the viewer shows, without thinning; yields a line for the file.
 
     Raises:
-        OSError: the file cannot be written; then no partial file remains.
+        OSError: the file cannot be written; then an older one stays.
     """
+    with durable_file(path) as partial:
+        _draw(files, partial)
+    yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"
+
+
+def _draw(files: list[Path], path: Path) -> None:
     stream = rr.RecordingStream("hsslam", recording_id=_recording_id(files))
     stream.send_recording_name(_recording_name(files))
     written = _Written(path)
     stream.set_sinks(rr.FileSink(written.pipe), default_blueprint=blueprint())
     written.start()
-    scene = RerunScene(stream, poses_every_s=1.0)
+    try:
+        _draw_messages(files, RerunScene(stream, poses_every_s=1.0), written)
+    finally:
+        stream.disconnect()
+        written.join()
+    written.expect_no_error()
+
+
+def _draw_messages(files: list[Path], scene: RerunScene, written: "_Written") -> None:
     with log_progress("rrd", files) as progress:
         drawn = bus_messages(files, {topic.name for topic in TOPICS if topic.drawn})
         for logged in progress.over(drawn):
@@ -39,10 +54,6 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
                 scene.draw(message)
             written.expect_no_error()
     scene.finish()
-    stream.disconnect()
-    written.join()
-    written.expect_no_error()
-    yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"
 
 
 def _recording_id(files: list[Path]) -> str:
@@ -65,7 +76,7 @@ class _Written(threading.Thread):
 
     def __init__(self, path: Path) -> None:
         super().__init__(name="rrd", daemon=True)
-        self._path = path
+        self._path, self._file = path, path.open("wb")
         self._reading, self._writing = os.pipe()
         self._error: OSError | None = None
         self.pipe = f"/proc/self/fd/{self._writing}"
@@ -78,11 +89,10 @@ class _Written(threading.Thread):
     def run(self) -> None:
         with os.fdopen(self._reading, "rb", buffering=0) as pipe:
             try:
-                with self._path.open("wb") as file:
-                    shutil.copyfileobj(pipe, file)
+                with self._file:
+                    shutil.copyfileobj(pipe, self._file)
             except OSError as error:
                 self._error = OSError(error.errno, error.strerror, str(self._path))
-                self._path.unlink(missing_ok=True)
                 with Path(os.devnull).open("wb") as nowhere:
                     shutil.copyfileobj(pipe, nowhere)
 

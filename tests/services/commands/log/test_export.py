@@ -4,6 +4,7 @@ import contextlib
 import csv
 import os
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +57,41 @@ def test_an_export_to_a_full_disk_is_one_line_and_leaves_no_recording(tmp_path, 
     told = done.stderr.splitlines()[-1]
     assert told.startswith(f"error: {out}/run.rrd: No space left on device: ")
     assert not (out / "run.rrd").exists()
+
+
+@pytest.mark.parametrize("name", ["trajectory_online.csv", "mesh.ply", "mesh.glb"])
+def test_a_file_that_does_not_fit_leaves_the_older_one(tmp_path, capsys, name):
+    path, older = write_log(tmp_path, count=4), tmp_path / "run-export" / name
+    only = "mesh" if name.startswith("mesh") else "trajectory"
+    assert main(["export", str(path), "--only", only]) == 0
+    whole = older.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) - 1, limits[1]))
+    try:
+        assert main(["export", str(path), "--only", only]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "File too large: expected a folder to write to" in capsys.readouterr().err
+    assert older.read_bytes() == whole
+    assert not list(older.parent.glob(".*"))
+
+
+def test_a_damaged_log_leaves_the_older_recording_and_no_list_of_frames(tmp_path, capsys):
+    path, folder = write_log(tmp_path, color="jpeg"), tmp_path / "run-export"
+    folder.mkdir()
+    (folder / "run.rrd").write_text("older")
+    whole = path.read_bytes()
+    damaged = whole.index(compress_frame(textured(17), "jpeg").depth[-100:])
+    path.write_bytes(whole[:damaged] + bytes(50) + whole[damaged + 50 :])
+    for part in ("rrd", "frames"):
+        assert main(["export", str(path), "--only", part]) == 2
+        assert "damaged" in capsys.readouterr().err
+    assert (folder / "run.rrd").read_text() == "older"
+    assert sorted(each.name for each in folder.iterdir()) == ["frames", "run.rrd"]
+    assert sorted(each.name for each in (folder / "frames").iterdir()) == ["depth", "rgb"]
+    path.write_bytes(whole)
+    assert main(["export", str(path), "--only", "frames"]) == 0
+    assert len(list(open_source(f"tum:{folder / 'frames'}").frames())) == 20
 
 
 def test_poses_of_two_map_epochs_are_exported_to_files_of_their_own(tmp_path, capsys):
