@@ -175,6 +175,20 @@ def test_a_distance_at_which_nothing_was_seen_is_bad_input(run_folder, tmp_path,
     assert "--far-m 0.1: no view has depth below 0.1 m" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["grid", "esdf"])
+def test_voxels_too_fine_for_the_images_are_bad_input(run_folder, tmp_path, command, capsys):
+    out = tmp_path / ("map.yaml" if command == "grid" else "esdf.npz")
+    words = [command, str(run_folder), "--out", str(out), "--voxel", "0.02"]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    expected = (
+        "--voxel 0.02 --far-m 4: expected --voxel of at least 0.037, or --far-m of at most 2.187"
+    )
+    assert expected in told and told.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+    assert main([*words, "--far-m", "2.187"]) == 0
+
+
 def test_an_up_of_any_length_is_a_direction(run_folder, tmp_path):
     found = []
     for length in (1e-300, 1.0, 1e300):
@@ -203,9 +217,9 @@ def test_heights_beyond_the_map_are_bad_input(run_folder, tmp_path, capsys):
 def test_a_map_that_is_too_large_for_its_voxels_is_bad_input(run_folder, tmp_path, capsys, command):
     small = load_checkpoint(run_folder / "map.safetensors")
     poses = small.T_world_keyframe.copy()
-    poses[-1, :3, 3] += 100.0
+    poses[-1, :3, 3] += 1000.0
     save_checkpoint(tmp_path / "large.safetensors", replace(small, T_world_keyframe=poses))
     up = ["--up", *(f"{part:.6f}" for part in _true_up())]
-    assert main([command, str(tmp_path / "large.safetensors"), *up, "--voxel", "0.01"]) == 2
+    assert main([command, str(tmp_path / "large.safetensors"), *up]) == 2
     told = capsys.readouterr().err
-    assert told.startswith("error: --voxel 0.01: a grid of ") and told.count("\n") == 1
+    assert told.startswith("error: --voxel 0.05: a grid of ") and told.count("\n") == 1
