@@ -48,6 +48,8 @@ class RecoverOptions:
 class TrimOptions:
     """Copies a part of a log, all topics unchanged.
 
+    It replaces an existing file, but no run.mcap, run.1.mcap, ... of a run.
+
     Example:
       hsslam-log trim run.mcap short.mcap --start 5 --end 12.5
 

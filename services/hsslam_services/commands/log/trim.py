@@ -11,6 +11,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
+from hsslam_services.log.parts import is_part
 from hsslam_services.log.reading.reader import log_reader, log_span_ns, messages_between
 
 _MOST_NS = 2.0**63  # later than every message
@@ -21,12 +22,14 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
     parts of a log into one file; returns the number of messages. Writes the whole file or none.
 
     Raises:
-        UserError: there is no message in that time, a part is damaged, or `out` is one of the parts, a
-            folder, or cannot be written.
+        UserError: there is no message in that time, a part is damaged, or `out` is one of the parts or
+            has the name of one (run.mcap, run.1.mcap), is a folder, or cannot be written.
     """
     try:
         if out.exists() and any(out.samefile(path) for path in files):
             raise UserError(f"{out}: is the log itself: expected another file")
+        if is_part(out.name) and out.is_file():
+            raise UserError(f"{out}: is a part of a log: expected a new file, such as short.mcap")
         if out.is_dir():
             raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")
         with durable_file(out) as copy:

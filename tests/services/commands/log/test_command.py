@@ -84,6 +84,15 @@ def test_trim_copies_what_lies_between(tmp_path, capsys):
     assert path.exists()
 
 
+def test_trim_replaces_no_part_of_the_log(tmp_path, capsys):
+    write_log(tmp_path, part_bytes=30_000)
+    later, first = tmp_path / "run.1.mcap", tmp_path / "run.mcap"
+    before = first.read_bytes()
+    assert main(["trim", str(later), str(first)]) == 2  # as of run*.mcap
+    assert f"{first}: is a part of a log: expected a new file" in capsys.readouterr().err
+    assert first.read_bytes() == before
+
+
 def test_trim_keeps_the_order_if_the_clock_was_set_back(tmp_path, capsys):
     path, short = tmp_path / "run.mcap", tmp_path / "short.mcap"
     log = McapLog(path, "r")
