@@ -13,7 +13,7 @@ _PARTS = {"ray", "pyarrow", "fsspec"}  # packages of the extra
 
 def main() -> int:
     """Run the command; its exit code."""
-    return exit_code(lambda: _batch(sys.argv[1:]))
+    return exit_code(lambda: _batch(sys.argv[1:]), hears_signals=False)
 
 
 def _batch(args: Sequence[str]) -> int | None:

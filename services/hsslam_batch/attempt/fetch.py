@@ -37,7 +37,7 @@ def main() -> int:
     store refuses to give it, but not to list the folder of the log, 1 if the store or the disk fails."""
     out, index, folder, most_gb, patience_s = sys.argv[1:]
     limits = float(most_gb), float(patience_s)
-    return exit_code(lambda: _fetch(out, int(index), Path(folder), *limits))
+    return exit_code(lambda: _fetch(out, int(index), Path(folder), *limits), hears_signals=False)
 
 
 def fetched_place(folder: Path, log: Log) -> Path:

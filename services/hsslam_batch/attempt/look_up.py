@@ -22,7 +22,7 @@ _UNAVAILABLE = 3
 def main() -> int:
     """Copy the plan to this machine and print the row of a log, or null; exit code 3 if the store fails."""
     out, index, patience_s = sys.argv[1:]
-    return exit_code(lambda: _look_up(out, int(index), float(patience_s)))
+    return exit_code(lambda: _look_up(out, int(index), float(patience_s)), hears_signals=False)
 
 
 def look_up(out: str, index: int, patience_s: float) -> tuple[Batch, Outcome | None]:

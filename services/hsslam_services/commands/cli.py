@@ -3,9 +3,11 @@
 import contextlib
 import errno
 import os
+import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import TextIO, TypeVar
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NoReturn, TextIO, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn
@@ -16,6 +18,7 @@ from hsslam_node.errors import OUT_OF_MEMORY, STORAGE_FAILS, UserError, did_you_
 from hsslam_services.commands.options.help_text import print_help
 from hsslam_services.commands.options.layers import merged
 from hsslam_services.commands.options.parser import parsed
+from hsslam_services.run.stop_signals import hear_stop_signals
 
 _Options = TypeVar("_Options")
 Subcommand = Callable[[Sequence[str]], int | None]
@@ -89,10 +92,39 @@ def run_subcommand(
     return None
 
 
-def exit_code(command: Callable[[], int | None]) -> int:
+def exit_code(command: Callable[[], int | None], *, hears_signals: bool = True) -> int:
     """Run the command and return its exit code (0 for None), 1 if it is interrupted, its output is closed or
-    the disk is full, 2 on bad input, too little memory or a path that cannot be opened. All of these but an
-    interruption and a closed output are reported in one line on stderr."""
+    the disk is full, 2 on bad input, too little memory or a path that cannot be opened. All of these but a
+    closed output are reported in one line on stderr.
+
+    hears_signals: SIGTERM and SIGHUP interrupt the command, as SIGINT does, so that it removes its temporary
+        files; False if it has handlers of its own.
+    """
+    with _stop_signals_interrupt() if hears_signals else contextlib.nullcontext():
+        return _exit_code(command)
+
+
+@contextlib.contextmanager
+def _stop_signals_interrupt() -> Iterator[None]:
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL  # of a command that runs this one
+    ):
+        yield
+        return
+    before = hear_stop_signals(_interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(_: int) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _exit_code(command: Callable[[], int | None]) -> int:
     _open_closed_streams()
     try:
         try:

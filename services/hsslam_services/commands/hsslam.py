@@ -40,7 +40,7 @@ COMMANDS = {  # name: module, description; pyproject.toml registers the same
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; the exit code is that of the command, 2 if there is no such command."""
-    return exit_code(lambda: _hsslam(sys.argv[1:] if args is None else args))
+    return exit_code(lambda: _hsslam(sys.argv[1:] if args is None else args), hears_signals=False)
 
 
 def _hsslam(args: Sequence[str]) -> int | None:

@@ -43,6 +43,24 @@ def test_the_code_and_one_line(command, code, told, capsys):
     assert capsys.readouterr().err == told
 
 
+@pytest.mark.parametrize("numbers", [["SIGTERM"], ["SIGHUP"], ["SIGHUP", "SIGTERM"], ["SIGINT"]])
+def test_a_stop_signal_leaves_no_temporary_file(tmp_path, numbers):
+    sends = "".join(f"        signal.raise_signal(signal.{number})\n" for number in numbers)
+    program = f"""
+import signal, sys
+from hsslam_node.durable_file import durable_file
+from hsslam_services.commands.cli import exit_code
+def command():
+    with durable_file("whole"):
+{sends}
+sys.exit(exit_code(command))
+"""
+    run = [sys.executable, "-c", program]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (1, "interrupted\n")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("command", ["print('few')", "print('many' * 10**6)", "[print(), exit()]"])
 def test_nobody_who_reads_is_no_traceback(command):
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
