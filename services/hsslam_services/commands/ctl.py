@@ -39,6 +39,7 @@ from hsslam_services.bus.ask import (
 )
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
+from hsslam_services.commands.output_files import default_mesh_file
 from hsslam_services.commands.point_table import print_answers
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
@@ -188,7 +189,7 @@ def _show(answer: Message, options: CtlOptions) -> None:
         case Status():
             print_status(answer)
         case Mesh():
-            _write_mesh(answer, options.out or Path("mesh.ply"))
+            _write_mesh(answer, options.out or default_mesh_file())
         case TrajectoryRows() if options.out is None:
             print(tum_text(trajectory_of(answer)), end="")
         case TrajectoryRows():

@@ -9,6 +9,7 @@ from typing import ClassVar, get_args
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_proto.request_messages import Mode
 from hsslam_proto.requests import REQUESTS
+from hsslam_services.commands.output_files import default_mesh_file
 from hsslam_services.run.maps_folder import expect_map_name
 
 _MODES: tuple[str, ...] = get_args(Mode)
@@ -142,6 +143,8 @@ class CtlOptions:
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.json and has_file:
             raise UserError(f"--json: expected without {self.request}, whose answer is a file")
+        if self.out is None and self.request == "mesh":
+            default_mesh_file()
         if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
             raise UserError(f"--out {self.out}: expected a file .ply, the format of mesh")
         if self.out is not None and not self.out.absolute().parent.is_dir():

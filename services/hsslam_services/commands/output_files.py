@@ -8,6 +8,10 @@ import msgspec
 
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
+from hsslam_services.run.run_info import RUN_FILE
+
+MESH_FILE = "mesh.ply"
+_MAP = "map.safetensors"
 
 
 def expect_writable_folder(option: str, folder: Path) -> None:
@@ -23,6 +27,24 @@ def expect_writable_folder(option: str, folder: Path) -> None:
         raise UserError(
             f"{option} {folder}: {error.strerror}: expected a folder that can be written"
         ) from None
+
+
+def is_run_folder(folder: Path) -> bool:
+    """Whether the folder has the results of a run or of a merge."""
+    return (folder / RUN_FILE).exists() or (folder / _MAP).exists()
+
+
+def default_mesh_file() -> Path:
+    """mesh.ply in the working folder, for a command without `--out`.
+
+    Raises:
+        UserError: that folder is a run's, whose own mesh.ply stays.
+    """
+    if is_run_folder(Path()):
+        raise UserError(
+            f"{Path.cwd()}: is a run folder, whose {MESH_FILE} stays: expected --out FILE"
+        )
+    return Path(MESH_FILE)
 
 
 def expect_json_file(path: Path) -> None:

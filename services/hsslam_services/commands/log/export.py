@@ -15,11 +15,10 @@ from hsslam_node.export.trajectory_formats import (
 from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
+from hsslam_services.commands.output_files import is_run_folder
 from hsslam_services.log.reading.files import Say
 from hsslam_services.log.reading.poses import logged_epochs
-from hsslam_services.run.run_info import RUN_FILE
 
-_MAP = "map.safetensors"
 _COLUMNS = (
     *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
     *(
@@ -73,7 +72,7 @@ def export(
 
 
 def _expect_room(folder: Path, only: Collection[Part]) -> None:
-    if (folder / RUN_FILE).exists() or (folder / _MAP).exists():  # of a run, of a merge
+    if is_run_folder(folder):
         raise UserError(f"{folder}: is a run folder, whose results stay: expected another folder")
     for frames in (folder / "frames", *folder.glob("frames-[0-9]*")):
         if "frames" in only and (frames / "rgb.txt").exists():

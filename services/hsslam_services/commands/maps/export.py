@@ -23,6 +23,7 @@ from hsslam_services.commands.maps.export_views import (
 )
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
+from hsslam_services.commands.output_files import MESH_FILE, default_mesh_file
 
 _TEXTURED = ("glb", "obj")
 _OF_VIEWS = ("nerfstudio", "colmap")
@@ -101,7 +102,7 @@ def export_map(options: ExportOptions) -> None:
     """Run the command."""
     path = map_file(options.run, "export")
     kind = _KINDS[options.written]
-    out = options.out or Path(kind.default_out)
+    out = options.out or kind.default_out()
     kind.expect(out)
     saved = SavedMap.open(path, options.device)
     if options.texture or options.written in _OF_VIEWS:
@@ -143,9 +144,12 @@ def _write_points(out: Path, _: SavedMap, mesh: Trimesh) -> str:
 class _Kind(NamedTuple):
     """How to write a format."""
 
-    default_out: str
+    name: str
     expect: Callable[[Path], None]  # raises UserError unless the path is fit for it
     write: Callable[[Path, SavedMap, Trimesh], str]  # returns a summary
+
+    def default_out(self) -> Path:
+        return default_mesh_file() if self.name == MESH_FILE else Path(self.name)
 
 
 def _file(suffix: str) -> Callable[[Path], None]:
@@ -154,12 +158,12 @@ def _file(suffix: str) -> Callable[[Path], None]:
 
 def _by_suffix() -> dict[str, Format]:
     """Formats by the suffix of their files; "": one that writes a folder."""
-    return {Path(kind.default_out).suffix: form for form, kind in _KINDS.items()}
+    return {Path(kind.name).suffix: form for form, kind in _KINDS.items()}
 
 
 _KINDS: Mapping[Format, _Kind] = MappingProxyType(
     {
-        "ply": _Kind("mesh.ply", _file(".ply"), _write_mesh),
+        "ply": _Kind(MESH_FILE, _file(".ply"), _write_mesh),
         "glb": _Kind("mesh.glb", _file(".glb"), _write_mesh),
         "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
         "usd": _Kind("mesh.usd", _expect_usd, _write_usd),

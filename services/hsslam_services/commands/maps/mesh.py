@@ -12,6 +12,7 @@ from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import map_file
+from hsslam_services.commands.output_files import default_mesh_file
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
 _PROG = "hsslam-mesh"
@@ -43,22 +44,22 @@ class MeshOptions:
     """Run folder, or the file of a saved map."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
-    out: Path = Path("mesh.ply")
-    """Output file: .ply, .glb, .obj or .stl."""
+    out: Path | None = None
+    """Output file: .ply, .glb, .obj or .stl (none: mesh.ply)."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
         expect_voxel(self.voxel)
-        if self.out.suffix.lower() not in _FORMATS:
+        if self.out is not None and self.out.suffix.lower() not in _FORMATS:
             raise UserError(f"--out {self.out}: expected a file {', '.join(_FORMATS)}")
 
-    def expect_map(self) -> Path:
-        """The file of the map; UserError if none is given, or the folder of the mesh does not exist."""
-        path = map_file(self.map, "mesh")
-        if not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in a folder that exists")
-        return path
+    def expect_files(self) -> tuple[Path, Path]:
+        """The files of map and mesh; UserError if no map is given, or the mesh cannot be there."""
+        path, out = map_file(self.map, "mesh"), self.out or default_mesh_file()
+        if not out.absolute().parent.is_dir():
+            raise UserError(f"--out {out}: expected a file in a folder that exists")
+        return path, out
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -69,11 +70,11 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _mesh(options: MeshOptions) -> None:
-    path = options.expect_map()
+    path, out = options.expect_files()
     mesh = surface(SavedMap.open(path, options.device), path, options.voxel)
-    with out_file(options.out) as partial:
+    with out_file(out) as partial:
         write_mesh(partial, mesh)
-    print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
+    print(f"{out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
 
 
 if __name__ == "__main__":
