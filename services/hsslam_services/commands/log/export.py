@@ -1,6 +1,7 @@
 """`hsslam-log export`: writes a log as files for other programs; poses in several formats."""
 
 import csv
+import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
@@ -17,8 +18,10 @@ from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
 from hsslam_services.commands.output_files import is_run_folder
 from hsslam_services.log.reading.files import Say
-from hsslam_services.log.reading.poses import logged_epochs
+from hsslam_services.log.reading.poses import LoggedPoses, logged_epochs
 
+_ONLINE_CSV = "trajectory_online.csv"
+_STEM = re.compile(r"(trajectory|keyframes|trajectory_online|trajectory_fragment_\d+)(\.epoch\d+)?")
 _COLUMNS = (
     *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
     *(
@@ -90,26 +93,46 @@ def export_trajectory(
     keyframes: refined poses of keyframes; trajectory_fragment_1: poses of a fragment that has not joined the
     map. trajectory_online.csv has all fields of all published poses; in the format csv it replaces
     trajectory_online. After a reset of the map, these belong to the last map epoch; files of earlier epochs
-    have the epoch in their name, as trajectory.epoch0.txt.
+    have the epoch in their name, as trajectory.epoch0.txt. Trajectories in this format that an earlier export
+    wrote, and that the log lacks, are removed.
     """
     epochs = logged_epochs(files)
     poses = [pose for found in epochs.values() for pose in found.poses]
+    suffixes = {epoch: "" if epoch == max(epochs) else f".epoch{epoch}" for epoch in epochs}
+    online, refined = dict[str, Trajectory](), dict[str, Trajectory]()  # by stem
+    if poses:
+        for epoch, found in epochs.items():
+            online[f"trajectory_online{suffixes[epoch]}"] = found.online
+            refined |= _refined(found, suffixes[epoch])
     if not poses:
+        _remove_others(folder, form, ())
+        (folder / _ONLINE_CSV).unlink(missing_ok=True)
         say("no trajectory: the log holds no poses")
         return
-    suffixes = {epoch: "" if epoch == max(epochs) else f".epoch{epoch}" for epoch in epochs}
-    if form != "csv":
-        for epoch, found in epochs.items():
-            yield _write(folder / f"trajectory_online{suffixes[epoch]}", found.online, form)
-    yield _write_csv(folder / "trajectory_online.csv", poses)
-    for epoch, found in epochs.items():
-        if len(found.final):
-            yield _write(folder / f"trajectory{suffixes[epoch]}", found.final, form)
-        if len(found.keyframes):
-            yield _write(folder / f"keyframes{suffixes[epoch]}", found.keyframes, form)
-        for number, poses_of_it in found.fragments.items():
-            name = f"trajectory_fragment_{number}{suffixes[epoch]}"
-            yield _write(folder / name, poses_of_it, form)
+    for stem, trajectory in online.items():
+        if form != "csv":
+            yield _write(folder / stem, trajectory, form)
+    yield _write_csv(folder / _ONLINE_CSV, poses)
+    for stem, trajectory in refined.items():
+        yield _write(folder / stem, trajectory, form)
+    _remove_others(folder, form, online.keys() | refined.keys())
+
+
+def _refined(found: LoggedPoses, suffix: str) -> dict[str, Trajectory]:
+    """Trajectories of a map epoch but the published one, by stem of their files; none is empty."""
+    named = {"trajectory": found.final, "keyframes": found.keyframes}
+    named |= {f"trajectory_fragment_{k}": poses for k, poses in found.fragments.items()}
+    return {f"{name}{suffix}": poses for name, poses in named.items() if len(poses)}
+
+
+def _remove_others(folder: Path, form: TrajectoryFormat, stems: Collection[str]) -> None:
+    """Remove the trajectories in this format that an earlier export, of another log, has left."""
+    endings = [TRAJECTORY_FORMATS[form][0], *([KITTI_TIMES] if form == "kitti" else [])]
+    for path in folder.iterdir():
+        for ending in endings:
+            stem = path.name.removesuffix(ending)
+            if stem != path.name and stem not in stems and _STEM.fullmatch(stem):
+                path.unlink()
 
 
 def _write(stem: Path, trajectory: Trajectory, form: TrajectoryFormat) -> str:

@@ -92,6 +92,9 @@ class ExportOptions:
       frames/                         images in TUM layout, for --source tum:FOLDER; second camera: frames-2/
       run.rrd                         a recording for the rerun viewer
 
+    A repeated export replaces these files, and removes those of its parts that the log lacks; it refuses a
+    folder that already holds frames.
+
     Formats of trajectories, all camera to world:
       tum      .txt         s, m, unit quaternion xyzw
       kitti    .kitti.txt   three rows of the 4 x 4 matrix, m; stamps (s) in .kitti.times.txt

@@ -159,6 +159,26 @@ def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):
         assert mesh.visual.vertex_colors[1].tolist() == [0, 255, 0, 255]
 
 
+def test_nothing_of_another_log_stays_in_the_folder(tmp_path):
+    other, folder = tmp_path / "other", tmp_path / "out"
+    other.mkdir()
+    logs = [write_log(tmp_path, second_epoch_at=12), write_log(other, count=4), tmp_path / "0.mcap"]
+    assert main(["trim", str(logs[0]), str(logs[2]), "--end", "0.05"]) == 0  # no mesh
+    only = ["--only", "trajectory", "mesh", "--out", str(folder)]
+    (folder / "mine").mkdir(parents=True)
+    (folder / "my_trajectory.txt").touch()
+    for log, form in ((logs[0], "kitti"), (logs[0], "tum"), (logs[1], "tum"), (logs[2], "kitti")):
+        assert main(["export", str(log), *only, "--format", form]) == 0
+        if log == logs[1]:
+            assert not list(folder.glob("*.epoch0.txt")) and (folder / "mesh.ply").exists()
+    assert sorted(each.name for each in folder.iterdir()) == [
+        *("keyframes.kitti.times.txt", "keyframes.kitti.txt", "keyframes.txt"),
+        *("mine", "my_trajectory.txt", "trajectory.kitti.times.txt", "trajectory.kitti.txt"),
+        *("trajectory.txt", "trajectory_online.csv", "trajectory_online.kitti.times.txt"),
+        *("trajectory_online.kitti.txt", "trajectory_online.txt"),
+    ]
+
+
 def test_trajectories_come_in_the_format_that_is_wanted(tmp_path, capsys):
     path, folder = write_log(tmp_path), tmp_path / "out"
     only = ["--only", "trajectory", "--out", str(folder)]
