@@ -70,8 +70,12 @@ def _export(args: Sequence[str]) -> None:
     options = parse_options(ExportOptions, f"{_PROG} export", args)
     place = user_path(_given("export", "FILE", options.file))
     files = log_parts(place, _echo)
+    is_empty = True
     for line in export(files, options.out or _beside(place), options.only, _echo, options.format):
         print(line)
+        is_empty = False
+    if is_empty:
+        raise UserError(f"--only {' '.join(options.only)}: expected something that {place} has")
 
 
 def _beside(place: Path) -> Path:

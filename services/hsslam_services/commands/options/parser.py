@@ -65,7 +65,7 @@ def _add(parser: argparse.ArgumentParser, option: Option) -> None:
         kinds = typing.get_args(option.kind)
         endless = kinds[-1] is Ellipsis
         how |= (
-            {"nargs": "*", "action": _Tuples}
+            {"nargs": "+", "action": _Tuples}
             if endless
             else {"nargs": len(kinds), "action": _Tuple}
         )

@@ -17,7 +17,7 @@ from hsslam_services.commands.log.command import main
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.log.mcap_writer import McapLog
 from hsslam_services.log.reading.reader import bus_messages
-from tests.services.log.sample_log import PERIOD_NS, START_NS, write_log
+from tests.services.log.sample_log import PERIOD_NS, START_NS, write_log, write_poses
 from tests.services.wire_samples import pose
 
 
@@ -84,6 +84,13 @@ def test_trim_copies_what_lies_between(tmp_path, capsys):
     assert path.exists()
 
 
+def test_an_export_that_has_nothing_to_write_is_bad_input(tmp_path, capsys):
+    path = write_poses(tmp_path, 3)
+    assert main(["export", str(path), "--only", "mesh", "frames"]) == 2
+    told = f"error: --only mesh frames: expected something that {path} has"
+    assert capsys.readouterr().err.splitlines()[-1] == told
+
+
 def test_trim_replaces_no_part_of_the_log(tmp_path, capsys):
     write_log(tmp_path, part_bytes=30_000)
     later, first = tmp_path / "run.1.mcap", tmp_path / "run.mcap"
@@ -148,6 +155,7 @@ def test_rerun_finds_nothing_wrong_with_the_log(tmp_path):
         ("trim LOG /none/out.mcap", "/none/out.mcap: No such file or directory"),
         ("trim LOG", "trim: OUT is missing"),
         ("export LOG --only video", "--only"),
+        ("export LOG --only", "--only: missing value: expected --only "),
         (
             "export LOG --format kiti",
             "--format kiti: expected tum or kitti or euroc or csv; did you",
