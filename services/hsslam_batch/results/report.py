@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from hsslam_batch.attempt.outcome import NOT_EVALUATED
 from hsslam_batch.options import ReportOptions
@@ -15,7 +15,7 @@ from hsslam_batch.results.costs import cost_table, costs
 from hsslam_batch.results.runs_table import known_rows, renew_runs
 from hsslam_batch.results.tally import duration
 from hsslam_node.errors import UserError
-from hsslam_services.commands.cli import parse_options
+from hsslam_services.commands.cli import parse_options, table_console
 
 _WORSE = 1
 
@@ -29,7 +29,7 @@ def report_command(args: Sequence[str]) -> int:
     options = parse_options(ReportOptions, "hsslam-batch report", args)
     rows = _rows(options.out)
     before = [] if options.against is None else _rows_before(options.against, rows)
-    console = Console(emoji=False, highlight=False, markup=False)
+    console = table_console()
     for line in _sums(rows):
         console.print(line, soft_wrap=True)
     if found := costs(rows):
@@ -96,7 +96,7 @@ def _print(table: Table, console: Console) -> None:
 
 
 def _worst_logs(rows: Sequence[Row], count: int) -> Table:
-    table = Table("figure", "worst logs")
+    table = Table("figure", Column("worst logs", overflow="fold"))
     done = [row for row in rows if row["kind"] == "done"]
     for figure in FIGURES:
         shown = [
@@ -131,7 +131,8 @@ def _show_changes(
     console: Console,
 ) -> int:
     failed = newly_failed(before, after)
-    table = Table("figure", "logs", "median of after / before", "better", "worse", "worst of these")
+    columns = ("figure", "logs", "median of after / before", "better", "worse")
+    table = Table(*columns, Column("worst of these", overflow="fold"))
     for change in changes:
         if change.median_ratio is None:
             continue

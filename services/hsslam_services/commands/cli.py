@@ -33,6 +33,7 @@ _NO_PATH = {  # faults of paths that a user names; what is expected instead
     errno.ENAMETOOLONG: "a shorter path",
     errno.ELOOP: "a path without a loop of links",
 }
+_PIPE_COLUMNS = 400  # of a table that goes to a file or another program
 _STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
 
 QUESTIONS = ("-h", "--help", "--help-all", "--version")
@@ -186,6 +187,14 @@ def _open_closed_streams() -> None:
             nowhere = os.open(os.devnull, os.O_RDWR)  # gets the free number
             os.set_inheritable(nowhere, True)
             setattr(sys, name, os.fdopen(nowhere, mode, errors="backslashreplace"))
+
+
+def table_console() -> Console:
+    """A console for tables on stdout; 400 columns wide if that is no terminal, so that no name is cut."""
+    console = Console(emoji=False, highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = _PIPE_COLUMNS
+    return console
 
 
 def terminal_progress(*columns: ProgressColumn | str, file: TextIO | None = None) -> Progress:

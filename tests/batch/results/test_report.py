@@ -35,6 +35,22 @@ def test_sums_and_worst_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert (batch.out / "runs.parquet").exists()
 
 
+def test_long_names_of_logs_are_whole(tmp_path: Path, capsys, monkeypatch):
+    name, shown = "2026-11-30/robot-7/" + 20 * "a_long_walk/" + "run.mcap", {}
+    before, after = (planned(tmp_path / out, frames=(100,)) for out in ("before", "after"))
+    for batch, ate_m in ((before, 0.01), (after, 0.05)):
+        done = outcome(batch, 0, frames=100, tracked=100, core_s=5.0, name=name, ate_m=ate_m)
+        commit(batch, done, run_folder(batch, 0))
+    for terminal in ("", "1"):  # a terminal has 80 columns here
+        monkeypatch.setenv("FORCE_COLOR", terminal)
+        monkeypatch.setenv("COLUMNS", "80")
+        for words in ([], ["--against", str(before.out)]):
+            report_command([str(after.out), *words])
+            shown[terminal, len(words)] = capsys.readouterr().out
+    assert all(name in text for (terminal, _), text in shown.items() if not terminal)
+    assert not any("…" in text for text in shown.values())
+
+
 def test_core_time_of_failed_logs_is_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     batch = planned(tmp_path / "out", frames=(100, 100))
     settle_failed(batch, outcome(batch, 1, "crash", frames=40, core_s=80.0))

@@ -4,12 +4,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.text import Text
 
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
-from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
+from hsslam_services.commands.cli import (
+    Subcommand,
+    exit_code,
+    parse_options,
+    run_subcommand,
+    table_console,
+)
 from hsslam_services.commands.log.options import (
     ExportOptions,
     InfoOptions,
@@ -20,7 +25,6 @@ from hsslam_services.log.reading.files import expect_closed, log_files, log_part
 from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"
-_PIPE_COLUMNS = 400  # of a table that goes to a file or another program
 _PURPOSE = "Shows, repairs, copies and exports logs."
 
 
@@ -36,9 +40,7 @@ def _info(args: Sequence[str]) -> None:
     options = parse_options(InfoOptions, f"{_PROG} info", args)
     if not options.files:
         raise UserError("info: no log: expected FILE...")
-    console = Console(emoji=False, highlight=False, markup=False)
-    if not console.is_terminal:
-        console.width = _PIPE_COLUMNS
+    console = table_console()
     for place in options.files:
         for shown in log_info(log_parts(place, _echo)):
             console.print(shown, soft_wrap=isinstance(shown, Text))
