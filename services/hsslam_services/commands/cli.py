@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import io
 import os
 import signal
 import sys
@@ -127,6 +128,8 @@ def _interrupt(_: int) -> NoReturn:
 
 def _exit_code(command: Callable[[], int | None]) -> int:
     _open_closed_streams()
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="surrogateescape")  # paths need not be UTF-8
     try:
         try:
             with gpu_memory_errors():

@@ -1,5 +1,6 @@
 """Files and folders that options name for results; checked before long work."""
 
+import os
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -60,12 +61,29 @@ def expect_json_file(path: Path) -> None:
 
 
 def write_json_file(path: Path, document: Any) -> None:
-    """Write the file of `--json`, with line breaks.
+    """Write the file of `--json`, with line breaks; bytes of paths that are not UTF-8 become U+FFFD.
 
     Raises:
         UserError: the file cannot be written.
     """
     try:
-        write_durably(path, msgspec.json.format(msgspec.json.encode(document)) + b"\n")
+        encoded = msgspec.json.encode(_in_utf8(msgspec.to_builtins(document)))
+        write_durably(path, msgspec.json.format(encoded) + b"\n")
     except OSError as error:
         raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+
+
+def _in_utf8(value: Any) -> Any:
+    match value:
+        case str():
+            return as_utf8(value)
+        case dict():
+            return {_in_utf8(key): _in_utf8(item) for key, item in value.items()}
+        case list() | tuple():
+            return [_in_utf8(item) for item in value]
+    return value
+
+
+def as_utf8(text: str) -> str:
+    """The text with U+FFFD for each byte of a path that is not UTF-8."""
+    return os.fsencode(text).decode(errors="replace")

@@ -43,6 +43,14 @@ def test_the_code_and_one_line(command, code, told, capsys):
     assert capsys.readouterr().err == told
 
 
+def test_a_path_that_is_not_utf8_is_printed_as_it_is():
+    program = _TELLS.format("print(os.fsdecode(b'desk\\xff'))")
+    environment = os.environ | {"PYTHONIOENCODING": "utf-8:strict"}
+    run = [sys.executable, "-c", program]
+    done = subprocess.run(run, capture_output=True, env=environment, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"desk\xff\n", b"")
+
+
 @pytest.mark.parametrize("numbers", [["SIGTERM"], ["SIGHUP"], ["SIGHUP", "SIGTERM"], ["SIGINT"]])
 def test_a_stop_signal_leaves_no_temporary_file(tmp_path, numbers):
     sends = "".join(f"        signal.raise_signal(signal.{number})\n" for number in numbers)

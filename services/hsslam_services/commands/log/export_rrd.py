@@ -12,6 +12,7 @@ from hsslam_node.durable_file import durable_file
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
+from hsslam_services.commands.output_files import as_utf8
 from hsslam_services.log.reading.reader import bus_messages, log_span_ns
 from hsslam_services.log.reading.source import run_metadata
 from hsslam_services.viewer.layout import blueprint
@@ -31,7 +32,7 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
 
 def _draw(files: list[Path], path: Path) -> None:
     stream = rr.RecordingStream("hsslam", recording_id=_recording_id(files))
-    stream.send_recording_name(_recording_name(files))
+    stream.send_recording_name(as_utf8(_recording_name(files)))
     written = _Written(path)
     stream.set_sinks(rr.FileSink(written.pipe), default_blueprint=blueprint())
     written.start()

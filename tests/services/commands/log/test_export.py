@@ -290,6 +290,14 @@ def test_a_recording_has_the_id_of_its_log_wherever_that_lies(tmp_path, capsys):
     assert monday not in rrd("print", tmp_path / "desk-export" / "run.rrd")
 
 
+def test_a_recording_may_be_of_a_folder_whose_name_is_not_utf8(tmp_path):
+    folder = tmp_path / os.fsdecode(b"desk\xff")
+    folder.mkdir()
+    path = write_log(folder, count=2, color="jpeg")
+    assert main(["export", str(path), "--only", "rrd", "--out", str(tmp_path / "out")]) == 0
+    assert "[desk\ufffd/run.mcap]" in rrd("print", "-vvv", tmp_path / "out" / "run.rrd")
+
+
 def test_a_live_mesh_is_told_as_one(tmp_path, capsys):
     whole = write_log(tmp_path)
     assert main(["trim", str(whole), str(tmp_path / "begin.mcap"), "--end", "1"]) == 0
