@@ -22,8 +22,6 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
         UserError: an unknown option or preset (the nearest is suggested), or a bad value.
     """
     given = parsed(ServeOptions, _PROG, [arg for arg in args if arg not in QUESTIONS])
-    if given.get("config") == ():
-        raise UserError("--config: missing value: expected --config FILE...")
     layers = _layers(given.get("config", ()))
     preset = _preset(given, layers)
     default = ServeOptions(preset=preset, slam=PRESETS[preset])
