@@ -13,7 +13,7 @@ from hsslam_services.commands.cli import exit_code
 
 _PROG = "hsslam"
 _COMPLETION = "completion"
-COMMANDS = {  # name: module, description; pyproject.toml registers the same
+COMMANDS = {  # name: module, description; pyproject.toml registers the same names
     "serve": ("hsslam_services.commands.serve", "tracks a camera, builds a mesh, logs the run"),
     "ctl": (
         "hsslam_services.commands.ctl",

@@ -13,8 +13,7 @@ _PYPROJECT = ROOT / "pyproject.toml"
 
 def test_the_commands_are_those_that_are_installed():
     scripts = tomllib.loads(_PYPROJECT.read_text())["project"]["scripts"]
-    ours = {f"hsslam-{name}": f"{m}:main" for name, (m, _) in COMMANDS.items()}
-    assert scripts == ours | {"hsslam": "hsslam_services.commands.hsslam:main"}
+    assert scripts.keys() == {"hsslam"} | {f"hsslam-{name}" for name in COMMANDS}
 
 
 def test_version_and_list(capsys: pytest.CaptureFixture[str]):
