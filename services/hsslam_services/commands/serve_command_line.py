@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS
 from hsslam_services.commands.cli import QUESTIONS, answer_questions
 from hsslam_services.commands.options.layers import Layer, merged
@@ -11,6 +11,7 @@ from hsslam_services.commands.options.parser import parsed
 from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-serve"
+_SUBCOMMANDS = ("warm-up", "rescue")  # `serve` runs them
 
 
 def parse_command_line(args: Sequence[str]) -> ServeOptions:
@@ -21,6 +22,9 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
     Raises:
         UserError: an unknown option or preset (the nearest is suggested), or a bad value.
     """
+    word = next(iter(args), "-")
+    if not word.startswith("-") and (hint := did_you_mean(word, _SUBCOMMANDS)):
+        raise UserError(f"{word}: expected options{hint}")
     given = parsed(ServeOptions, _PROG, [arg for arg in args if arg not in QUESTIONS])
     layers = _layers(given.get("config", ()))
     preset = _preset(given, layers)

@@ -35,6 +35,8 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--sorce x", "--sorce: unknown option; did you mean --source?"),
         ("--tracker.points 3", "--tracker.points: unknown option; did you mean --slam.tracker.po"),
         ("--points 3", "--points: unknown option; did you mean --slam.tracker.points?"),
+        ("warmup", "warmup: expected options; did you mean warm-up?"),
+        ("rescu runs/x", "rescu: expected options; did you mean rescue?"),
         ("desk", "desk: expected an option, as --source SOURCE"),
         ("--pace fast", "--pace"),
         ("--slam.tracker.points q", "--slam.tracker.points q: expected a whole number"),
