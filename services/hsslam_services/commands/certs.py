@@ -62,17 +62,18 @@ class CertsOptions:
 
     def __post_init__(self) -> None:
         for host in self.host:
-            if not (re.fullmatch(_NAME, host) or _is_address(host)):
+            if not _is_host(host):
                 raise UserError(f"--host {host}: expected names or addresses, without a port")
         if not 1 <= self.days <= 3650:
             raise UserError(f"--days {self.days}: expected 1 to 3650")
 
 
-def _is_address(host: str) -> bool:
+def _is_host(text: str) -> bool:
+    """Whether this is a name or an address that a certificate may have."""
     try:
-        ipaddress.ip_address(host)
+        ipaddress.ip_address(text)
     except ValueError:
-        return False
+        return re.fullmatch(_NAME, text) is not None
     return True
 
 
@@ -94,7 +95,8 @@ def make_certificates(
         UserError: the folder is not empty, or cannot be written; the CA cannot issue them.
     """
     authority = CertificateAuthority.read(ca, days) if ca else CertificateAuthority.new(days)
-    every = list(dict.fromkeys((*_LOOPBACK, socket.gethostname(), *hosts)))
+    own = filter(_is_host, [socket.gethostname()])  # certificates have no other names
+    every = list(dict.fromkeys((*_LOOPBACK, *own, *hosts)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):

@@ -2,6 +2,7 @@
 
 import datetime
 import shutil
+import socket
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,12 @@ def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(
             longer = ca.not_valid_after_utc - certificate.not_valid_after_utc
             assert round(longer / datetime.timedelta(days=3), 3) == 9  # the CA: ten times as long
     assert len(keys) == len(_FOLDERS)
+
+
+def test_a_name_of_this_machine_that_is_no_host_name_is_left_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(socket, "gethostname", lambda: "küche_1")
+    main([str(tmp_path / "certs"), "--host", "robot.local"])
+    assert "known as localhost, 127.0.0.1, ::1, robot.local\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
