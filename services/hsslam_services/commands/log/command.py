@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich.console import Console
 from rich.text import Text
 
 from hsslam_node.errors import UserError
@@ -51,7 +52,9 @@ def _recover(args: Sequence[str]) -> None:
     for path in log_files(_given("recover", "FILE", options.file)):
         try:
             expect_closed(path)
-            print(f"{path}: {recover(path).line()}")
+            with Console(stderr=True, markup=False).status(f"checking {path}"):
+                recovered = recover(path)
+            print(f"{path}: {recovered.line()}")
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
 
