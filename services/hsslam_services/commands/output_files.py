@@ -52,8 +52,10 @@ def expect_json_file(path: Path) -> None:
     """Make the folder of the file of `--json`; the file may be a pipe or a device, such as /dev/stdout.
 
     Raises:
-        UserError: the path is a folder, or there can be no such file.
+        UserError: the path is a folder or -, or there can be no such file.
     """
+    if path == Path("-"):
+        raise UserError("--json -: expected a file, or /dev/stdout")
     if path.is_dir():
         raise UserError(f"--json {path}: is a folder: expected a file to write")
     if not path.exists():
