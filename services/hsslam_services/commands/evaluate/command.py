@@ -83,15 +83,23 @@ def _evaluate(options: EvalOptions) -> None:
         from hsslam_node.evaluation.plots import draw_plots  # matplotlib is slow to import
 
         written += draw_plots(found, subject.trajectories, folder)
-    is_file = options.json is not None and options.json.is_file()
-    beside = folder or (options.json.parent if options.json and is_file else None)
-    if found.judge is not None and beside is not None:
+    path = _views_file(folder, options.json)
+    if found.judge is not None and path is not None:
         poses = found.judge.virtual_poses
-        path = beside / _VIEWS_FILE
         write_tum(path, Trajectory(np.arange(len(poses)) * 1_000_000_000, poses))
         written.append(path)
     for path in written:
         console.print(str(path), soft_wrap=True)
+
+
+def _views_file(folder: Path | None, json: Path | None) -> Path | None:
+    """The file for the poses of virtual views: in the folder of the plots, else beside the file of `--json`
+    and with its name, as those of other evaluations may be there; None if there is neither."""
+    if folder is not None:
+        return folder / _VIEWS_FILE
+    if json is not None and json.is_file():
+        return json.with_name(f"{json.stem}.{_VIEWS_FILE}")
+    return None
 
 
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:

@@ -158,6 +158,8 @@ def test_tsdfs_of_both_settings_are_scored_by_both_protocols(result, tmp_path, c
     main([*poses, *few, "--tsdf.voxel-m", "0.05", "--json", str(tmp_path / "one.json")])
     one = json.loads((tmp_path / "one.json").read_text())["tsdf"]
     assert list(one) == ["TSDF 5 / 6 cm"]
+    names = ["both.json", "both.virtual_views.txt", "one.json", "one.virtual_views.txt"]
+    assert sorted(each.name for each in tmp_path.iterdir()) == names
 
 
 def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):
