@@ -1,5 +1,6 @@
 """Intel RealSense cameras: `--source realsense`."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -15,12 +16,41 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
 _WAIT_MS = 200
+_MOST_APART = 0.6  # of a period, between colour and depth: at most a half and some jitter
+
+
+class JoinedSets:
+    """Tells which sets of images are frames.
+
+    If an image is missing, librealsense fills its set with the image before it of the same stream. Such a set
+    has colour and depth of different times, or an image that an earlier frame had.
+
+    rate_hz: of both streams.
+    """
+
+    def __init__(self, rate_hz: int) -> None:
+        self._most_apart_ms = _MOST_APART * 1000.0 / rate_hz
+        self._used_ms = (math.nan, math.nan)  # stamps of the last frame
+        self._fault = (
+            "colour and depth are not of the same time: the camera's library repeated an image (expected "
+            f"{rate_hz} Hz of both; in low light, automatic exposure lowers the rate of colour)"
+        )
+
+    def fault(self, color: Any, depth: Any) -> str:
+        """Why these two images, each a `frame` of librealsense, are no frame; empty if they are one."""
+        stamps_ms = color.get_timestamp(), depth.get_timestamp()
+        clocks = {image.get_frame_timestamp_domain() for image in (color, depth)}
+        is_apart = len(clocks) == 1 and abs(stamps_ms[0] - stamps_ms[1]) > self._most_apart_ms
+        if is_apart or any(a == b for a, b in zip(stamps_ms, self._used_ms, strict=True)):
+            return self._fault
+        self._used_ms = stamps_ms
+        return ""
 
 
 class RealsenseSource:
     """Colour, and depth aligned to it by Intel's software, as they come.
 
-    Stamps are the camera's. `should_stop` ends the frames.
+    Stamps are the camera's, of colour. `should_stop` ends the frames.
 
     Raises:
         UserError: the package or the camera is missing, or it has no such images.
@@ -47,6 +77,7 @@ class RealsenseSource:
                 "--realsense.width-px, --realsense.height-px, --realsense.rate-hz that the camera has)"
             ) from None
         self._align = rs.align(rs.stream.color)
+        self._sets = JoinedSets(wanted.rate_hz)
         scale_m = profile.get_device().first_depth_sensor().get_depth_scale()
         stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
         camera = realsense_camera(stream.get_intrinsics())
@@ -71,9 +102,12 @@ class RealsenseSource:
 
     def _frame(self, images: Any) -> Frame | BadFrame:
         color, depth = images.get_color_frame(), images.get_depth_frame()
-        stamp_ns = round(1e6 * images.get_timestamp())
         if not color or not depth:
-            return BadFrame(0, stamp_ns, "colour or depth is missing")
+            missing_ns = round(1e6 * images.get_timestamp())
+            return BadFrame(0, missing_ns, "colour or depth is missing")
+        stamp_ns = round(1e6 * color.get_timestamp())
+        if fault := self._sets.fault(color, depth):
+            return BadFrame(0, stamp_ns, fault)
         try:
             return Frame(
                 index=0,
