@@ -23,6 +23,12 @@ class Report:
         """A message of a sensor cannot be used; frames go on without it."""
         return cls(f"{topic}: unusable messages", f"{topic}: {error}; the message is skipped")
 
+    @classmethod
+    def late_images(cls, topics: str, count: int) -> "Report":
+        """Images came after a pair of newer ones; frames go on without them."""
+        text = f"{topics}: {count} images came after newer pairs of colour and depth; they are left out"
+        return cls("images out of order", text)
+
 
 class Reports:
     """Reports of a source until they are taken; of too many, the newest."""

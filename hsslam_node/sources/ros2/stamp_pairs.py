@@ -25,8 +25,9 @@ T = TypeVar("T", bound=Stamped)
 
 class StampPairs(Generic[T]):
     """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
-    time between two images away: no nearer one can come. Images older than a returned pair are dropped,
-    so pairs come in order. `kept`: images of each kind that wait for their counterpart, the newest.
+    time between two images away: no nearer one can come. Images older than a returned pair are dropped, also
+    if they come after it, so pairs come in order; only a step back of more than 1 s begins anew. `kept`:
+    images of each kind that wait for their counterpart, the newest.
 
     For the operator: `nearest_ns` is the least distance of two images that are too far apart; since the last
     pair, `unpaired_nearest_ns` is this distance, and `unpaired` the numbers of colour and depth images.
@@ -37,6 +38,8 @@ class StampPairs(Generic[T]):
         self._color: deque[T] = deque(maxlen=kept)
         self._depth: deque[T] = deque(maxlen=kept)
         self._color_steps, self._depth_steps = _Steps(), _Steps()
+        self._paired_ns: tuple[float, float] = (-math.inf, -math.inf)  # stamps of the last pair
+        self._late = 0
         self.nearest_ns: int | None = None
         self.unpaired_nearest_ns: int | None = None
         self.unpaired = (0, 0)
@@ -46,16 +49,35 @@ class StampPairs(Generic[T]):
         self._forget_before_step_back(image.stamp_ns, self._color_steps)
         self._color_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0] + 1, self.unpaired[1])
+        if self._is_late(image.stamp_ns, self._paired_ns[0]):
+            return None
         depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
-        return None if depth is None else (image, depth)
+        return None if depth is None else self._pair(image, depth)
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if it has come."""
         self._forget_before_step_back(image.stamp_ns, self._depth_steps)
         self._depth_steps.add(image.stamp_ns)
         self.unpaired = (self.unpaired[0], self.unpaired[1] + 1)
+        if self._is_late(image.stamp_ns, self._paired_ns[1]):
+            return None
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
-        return None if color is None else (color, image)
+        return None if color is None else self._pair(color, image)
+
+    def take_late(self) -> int:
+        """Images since the last call that came after a pair of newer ones, and were dropped."""
+        late, self._late = self._late, 0
+        return late
+
+    def _is_late(self, stamp_ns: int, paired_ns: float) -> bool:
+        is_late = paired_ns - _STEP_BACK_NS <= stamp_ns < paired_ns
+        self._late += is_late
+        return is_late
+
+    def _pair(self, color: T, depth: T) -> tuple[T, T]:
+        self._paired_ns = color.stamp_ns, depth.stamp_ns
+        self.unpaired, self.unpaired_nearest_ns = (0, 0), None
+        return color, depth
 
     def _forget_before_step_back(self, stamp_ns: int, steps: "_Steps") -> None:
         """Forget images from before a clock was set back, or a simulation began again, else they would pair
@@ -80,7 +102,6 @@ class StampPairs(Generic[T]):
             return None
         _forget_until(others, found.stamp_ns)
         _forget_until(same, image.stamp_ns)
-        self.unpaired, self.unpaired_nearest_ns = (0, 0), None
         return found
 
 

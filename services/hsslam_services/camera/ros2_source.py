@@ -153,7 +153,10 @@ class Ros2Source:
             (self._depth, self._pairs.add_depth),
         ):
             while (sample := subscriber.try_recv()) is not None:
-                if (pair := add(self._image(sample))) is not None:
+                pair = add(self._image(sample))
+                if late := self._pairs.take_late():
+                    self.reports.add(Report.late_images(topic_of(str(sample.key_expr)), late))
+                if pair is not None:
                     return pair
         return None
 

@@ -87,7 +87,12 @@ class BagSource(ReadsInTime):
                     return
 
     def _report_alone(self, count: int, pairs: StampPairs[BagMessage]) -> None:
-        """Report if many colour images have no depth image at their time; `count`: pairs of the bag."""
+        """Report images out of order, and if many colour images have no depth image at their time.
+
+        count: pairs of the bag.
+        """
+        if late := pairs.take_late():
+            self.reports.add(Report.late_images(f"{self._color}, {self._depth}", late))
         images = {t.name: t.message_count for t in self._bag.topics}
         most = min(images[self._color], images[self._depth])
         if count >= USUAL_SHARE * most:

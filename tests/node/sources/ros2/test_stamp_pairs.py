@@ -33,6 +33,19 @@ def test_what_is_older_than_a_pair_is_forgotten():
     assert run(5, ("c", 0), ("c", 30), ("d", 30), ("d", 2)) == [(30, 30)]
 
 
+def test_what_comes_after_a_pair_of_newer_images_is_forgotten_and_counted():
+    in_order = [(kind, k) for k in range(0, 240, 30) for kind in "cd"]
+    late = [("c", 90), ("d", 90)]
+    rest = [one for one in in_order if one not in late]
+    pairs = StampPairs(5)
+    found = []
+    for kind, stamp in [*rest[:8], *late, *rest[8:]]:
+        pair = pairs.add_color(image(stamp)) if kind == "c" else pairs.add_depth(image(stamp))
+        found += [pair[0].stamp_ns] if pair else []
+    assert found == [k for k in range(0, 240, 30) if k != 90]
+    assert (pairs.take_late(), pairs.take_late()) == (2, 0)
+
+
 def test_one_that_is_lost_costs_only_its_own_pair():
     stamps = [(kind, k) for k in range(0, 300, 30) for kind in "cd" if (kind, k) != ("d", 60)]
     assert [c for c, _ in run(5, *stamps)] == [k for k in range(0, 300, 30) if k != 60]
