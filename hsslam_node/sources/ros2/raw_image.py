@@ -63,6 +63,11 @@ class RawImage:
     frame_id: str = ""  # ROS name of the camera's optical frame
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of the data."""
+        return self.data.nbytes
+
+    @property
     def content(self) -> Literal["color", "grey", "depth", "unknown"]:
         """What it shows, by its encoding; values of 16 bits are depth."""
         if self.is_compressed:

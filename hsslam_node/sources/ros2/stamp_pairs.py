@@ -9,6 +9,7 @@ from typing import Generic, Protocol, TypeVar
 from hsslam_node.sensor_watch import STEP_BACK_S
 
 _KEPT = 16
+_KEPT_NS, _KEPT_BYTES = 10**9, 2**26  # what may wait beyond those
 _STEPS = 16  # images whose distances in time give the usual one
 _STEP_BACK_NS = int(1e9 * STEP_BACK_S)
 
@@ -19,6 +20,9 @@ class Stamped(Protocol):
     @property
     def stamp_ns(self) -> int: ...
 
+    @property
+    def nbytes(self) -> int: ...
+
 
 T = TypeVar("T", bound=Stamped)
 
@@ -26,8 +30,8 @@ T = TypeVar("T", bound=Stamped)
 class StampPairs(Generic[T]):
     """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
     time between two images away: no nearer one can come. Images older than a returned pair are dropped, also
-    if they come after it, so pairs come in order; only a step back of more than 1 s begins anew. `kept`:
-    images of each kind that wait for their counterpart, the newest.
+    if they come after it, so pairs come in order; only a step back of more than 1 s begins anew. Of each
+    kind the newest `kept` images wait for their counterpart, and more, up to 1 s, if they fit into 64 MiB.
 
     For the operator: `nearest_ns` is the least distance of two images that are too far apart; since the last
     pair, `unpaired_nearest_ns` is this distance, and `unpaired` the numbers of colour and depth images.
@@ -35,8 +39,9 @@ class StampPairs(Generic[T]):
 
     def __init__(self, max_dt_ns: int, kept: int = _KEPT) -> None:
         self._max_dt_ns = max_dt_ns
-        self._color: deque[T] = deque(maxlen=kept)
-        self._depth: deque[T] = deque(maxlen=kept)
+        self._kept = kept
+        self._color: deque[T] = deque()
+        self._depth: deque[T] = deque()
         self._color_steps, self._depth_steps = _Steps(), _Steps()
         self._paired_ns: tuple[float, float] = (-math.inf, -math.inf)  # stamps of the last pair
         self._late = 0
@@ -95,14 +100,25 @@ class StampPairs(Generic[T]):
                 apart_ns = abs(found.stamp_ns - image.stamp_ns)
                 self.nearest_ns = min(apart_ns, self.nearest_ns or apart_ns)
                 self.unpaired_nearest_ns = min(apart_ns, self.unpaired_nearest_ns or apart_ns)
-            same.append(image)
+            self._keep(image, same)
             return None
         if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.usual_ns:
-            same.append(image)  # its counterpart may be on its way
+            self._keep(image, same)  # its counterpart may be on its way
             return None
         _forget_until(others, found.stamp_ns)
         _forget_until(same, image.stamp_ns)
         return found
+
+    def _keep(self, image: T, images: deque[T]) -> None:
+        images.append(image)
+        while len(images) > self._kept and _is_too_much(images):
+            images.popleft()
+
+
+def _is_too_much(images: deque[T]) -> bool:
+    """Whether they span more than 1 s, or have more than 64 MiB."""
+    stamps = [image.stamp_ns for image in images]
+    return max(stamps) - min(stamps) > _KEPT_NS or sum(i.nbytes for i in images) > _KEPT_BYTES
 
 
 def _forget_until(images: deque[T], stamp_ns: int) -> None:

@@ -48,6 +48,11 @@ class BagMessage:
     payload: bytes
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of the payload."""
+        return len(self.payload)
+
+    @property
     def content(self) -> bytes:
         """The payload without the beginning and the stamp of its header."""
         return self.payload[_STAMP_AT + _STAMP_BYTES :]

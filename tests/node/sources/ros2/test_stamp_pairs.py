@@ -6,8 +6,8 @@ from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 
 
-def image(stamp_ns: int) -> RawImage:
-    return RawImage(stamp_ns, "rgb8", np.empty(0, np.uint8))
+def image(stamp_ns: int, data: np.ndarray = np.empty(0, np.uint8)) -> RawImage:  # noqa: B008
+    return RawImage(stamp_ns, "rgb8", data)
 
 
 def run(max_dt_ns: int, *stamps: tuple[str, int]) -> list[tuple[int, int]]:
@@ -114,3 +114,25 @@ def test_a_clock_that_is_set_back_makes_earlier_images_forgotten():
         if pair is not None:
             depths.append(pair[1] if kind == "c" else pair[0])
     assert len({id(depth) for depth in depths}) == len(depths) == 85
+
+
+def test_depth_that_comes_half_a_second_late_at_90_hz_has_its_colour():
+    stamps = [k * 10**9 // 90 for k in range(200)]
+    late = 45
+    arrivals = [("c", stamp) for stamp in stamps[:late]]
+    for color, depth in zip(stamps[late:], stamps, strict=False):
+        arrivals += [("c", color), ("d", depth)]
+    assert run(15_000_000, *arrivals) == [(stamp, stamp) for stamp in stamps[: 200 - late]]
+
+
+def test_what_waits_has_at_most_64_mib_and_a_second_beyond_the_newest():
+    for step_ns, data, kept in (
+        (10**9 // 90, np.empty(2**21, np.uint8), 32),  # of 64 MiB
+        (10**9 // 90, np.empty(0, np.uint8), 91),  # of a second
+        (10**9 // 5, np.empty(2**23, np.uint8), 16),  # the newest, always
+    ):
+        pairs = StampPairs(0)
+        for k in range(200):
+            pairs.add_color(image(k * step_ns, data))
+        found = [pairs.add_depth(image(k * step_ns)) for k in range(200)]
+        assert len([pair for pair in found if pair]) == kept
