@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from hsslam_node.sensor_watch import SensorWatch
 from hsslam_node.sources.source import Source
 
+_APART_NS = 10_000_000
 USUAL_SHARE = 0.9  # of the images that have a counterpart; a source reports a smaller one
 _MOST_WAITING = 1000
 
@@ -28,6 +29,18 @@ class Report:
         """Images came after a pair of newer ones; frames go on without them."""
         text = f"{topics}: {count} images came after newer pairs of colour and depth; they are left out"
         return cls("images out of order", text)
+
+    @classmethod
+    def of_pair(cls, topic: str, color_ns: int, depth_ns: int) -> "Report | None":
+        """Colour and depth of a frame are more than 10 ms apart, which is used all the same."""
+        apart_ns = abs(color_ns - depth_ns)
+        if apart_ns <= _APART_NS:
+            return None
+        text = (
+            f"{topic}: {1e-6 * apart_ns:.0f} ms between colour and depth of a frame, which blurs the map of "
+            "a fast camera; expected at most 10 ms: let the camera take both at the same time"
+        )
+        return cls("colour and depth far apart", text)
 
 
 class Reports:

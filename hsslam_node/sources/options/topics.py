@@ -33,8 +33,8 @@ class Ros2Options:
     """Odometry of the robot, nav_msgs/Odometry, e.g. /odom (empty: none)."""
     imu: str = ""
     """IMU of the camera, sensor_msgs/Imu, e.g. /camera/imu (empty: none)."""
-    max_dt_ms: float = 15.0
-    """Largest time between a colour image and its depth image, ms."""
+    max_dt_ms: float | None = None
+    """Largest time between a colour image and its depth image, ms (empty: 20, or 0.6 periods if longer)."""
     timeout_s: float = 10.0
     """Longest wait for the router, and then for the first images, s."""
 
@@ -46,7 +46,8 @@ class Ros2Options:
         expect_range("ros2.domain", self.domain, 0, 232)
         if self.connect and not re.fullmatch(r"[a-z-]+/\S+", self.connect):
             raise UserError(f"--ros2.connect {self.connect!r}: expected e.g. tcp/127.0.0.1:7447")
-        expect_range("ros2.max-dt-ms", self.max_dt_ms, 0, 1000)
+        if self.max_dt_ms is not None:
+            expect_range("ros2.max-dt-ms", self.max_dt_ms, 0, 1000)
         if not 0 < self.timeout_s <= 3600:
             raise UserError(f"--ros2.timeout-s {self.timeout_s}: expected above 0, up to 3600")
 
@@ -84,15 +85,16 @@ class BagOptions:
     """Odometry of the robot, nav_msgs/Odometry (empty: none is used)."""
     imu: str = ""
     """IMU, sensor_msgs/Imu (empty: of a RealSense recording, or the only one if --camera-T-imu is set)."""
-    max_dt_ms: float = 15.0
-    """Largest time between a colour image and its depth image, ms."""
+    max_dt_ms: float | None = None
+    """Largest time between a colour image and its depth image, ms (empty: 20, or 0.6 periods if longer)."""
 
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info", "odometry", "imu"):
             topic = getattr(self, name)
             if topic:
                 _expect_topic(f"--bag.{name}", topic)
-        expect_range("bag.max-dt-ms", self.max_dt_ms, 0, 1000)
+        if self.max_dt_ms is not None:
+            expect_range("bag.max-dt-ms", self.max_dt_ms, 0, 1000)
 
 
 def _expect_topic(option: str, topic: str) -> None:

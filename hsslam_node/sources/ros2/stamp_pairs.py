@@ -8,6 +8,10 @@ from typing import Generic, Protocol, TypeVar
 
 from hsslam_node.sensor_watch import STEP_BACK_S
 
+_LEAST_LIMIT_NS = (
+    20_000_000  # as for TUM; half the time between two images at 30 Hz, and some jitter
+)
+_OF_STEP = 0.6  # half of a step, and some jitter
 _KEPT = 16
 _KEPT_NS, _KEPT_BYTES = 10**9, 2**26  # what may wait beyond those
 _STEPS = 16  # images whose distances in time give the usual one
@@ -28,16 +32,19 @@ T = TypeVar("T", bound=Stamped)
 
 
 class StampPairs(Generic[T]):
-    """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
+    """Returns a pair as soon as an image has a counterpart within `limit_ns` that is at most half the
     time between two images away: no nearer one can come. Images older than a returned pair are dropped, also
     if they come after it, so pairs come in order; only a step back of more than 1 s begins anew. Of each
     kind the newest `kept` images wait for their counterpart, and more, up to 1 s, if they fit into 64 MiB.
+
+    max_dt_ns: the limit. None: 20 ms, or more if images come more rarely than at 30 Hz, so that those of a
+    camera without a common trigger have a counterpart, but not that of the image before or after.
 
     For the operator: `nearest_ns` is the least distance of two images that are too far apart; since the last
     pair, `unpaired_nearest_ns` is this distance, and `unpaired` the numbers of colour and depth images.
     """
 
-    def __init__(self, max_dt_ns: int, kept: int = _KEPT) -> None:
+    def __init__(self, max_dt_ns: int | None, kept: int = _KEPT) -> None:
         self._max_dt_ns = max_dt_ns
         self._kept = kept
         self._color: deque[T] = deque()
@@ -69,6 +76,18 @@ class StampPairs(Generic[T]):
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else self._pair(color, image)
 
+    @property
+    def limit_ns(self) -> int:
+        """The largest time between the images of a pair, ns."""
+        if self._max_dt_ns is not None:
+            return self._max_dt_ns
+        step_ns = min(self._color_steps.short_ns, self._depth_steps.short_ns)
+        return (
+            _LEAST_LIMIT_NS
+            if math.isinf(step_ns)
+            else max(_LEAST_LIMIT_NS, round(_OF_STEP * step_ns))
+        )
+
     def take_late(self) -> int:
         """Images since the last call that came after a pair of newer ones, and were dropped."""
         late, self._late = self._late, 0
@@ -95,7 +114,7 @@ class StampPairs(Generic[T]):
 
     def _counterpart(self, image: T, same: deque[T], others: deque[T], steps: "_Steps") -> T | None:
         found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
-        if found is None or abs(found.stamp_ns - image.stamp_ns) > self._max_dt_ns:
+        if found is None or abs(found.stamp_ns - image.stamp_ns) > self.limit_ns:
             if found is not None:
                 apart_ns = abs(found.stamp_ns - image.stamp_ns)
                 self.nearest_ns = min(apart_ns, self.nearest_ns or apart_ns)
@@ -147,5 +166,14 @@ class _Steps:
     @property
     def usual_ns(self) -> float:
         """The median time, as images may be missing or late; infinite before two have come."""
-        steps = [abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b]
+        steps = self._steps_ns()
         return median(steps) if steps else math.inf
+
+    @property
+    def short_ns(self) -> float:
+        """As `usual_ns`, of the lower quartile: also if half of the images are lost, the time of one step."""
+        steps = self._steps_ns()
+        return sorted(steps)[len(steps) // 4] if steps else math.inf
+
+    def _steps_ns(self) -> list[int]:
+        return [abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b]

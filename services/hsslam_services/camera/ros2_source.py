@@ -59,7 +59,9 @@ class Ros2Source:
         self._options = options
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
-        self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
+        max_dt_ms = options.ros2.max_dt_ms
+        max_dt_ns = None if max_dt_ms is None else round(1e6 * max_dt_ms)
+        self._pairs: StampPairs[RawImage] = StampPairs(max_dt_ns)
         timeout_s = options.ros2.timeout_s
         session = open_listening_session(options.ros2.connect, timeout_s, should_stop)
         if session is None:
@@ -117,6 +119,7 @@ class Ros2Source:
                 continue
             if pair is not None:
                 heard_s, silences = time.monotonic(), 0
+                self._report_apart(*pair)
                 frame = self._frames.frame(0, *pair)
                 yield self._sensors.given(frame) if isinstance(frame, Frame) else frame
             elif time.monotonic() - heard_s > _SILENCE_S:
@@ -129,6 +132,11 @@ class Ros2Source:
                     )
             else:
                 time.sleep(_POLL_S)
+
+    def _report_apart(self, color: RawImage, depth: RawImage) -> None:
+        report = Report.of_pair(self._topics[0], color.stamp_ns, depth.stamp_ns)
+        if report is not None and self._options.ros2.max_dt_ms is None:
+            self.reports.add(report)
 
     def _hear_camera(self) -> None:
         """Take the `camera_info` received since."""
@@ -249,8 +257,8 @@ class Ros2Source:
         return ", ".join([*missing, *counts, *apart])
 
     def _apart(self, nearest_ns: int) -> str:
-        limit = f"--ros2.max-dt-ms {self._options.ros2.max_dt_ms:g}"
-        return f"colour and depth are {nearest_ns / 1e6:.1f} ms apart, {limit}"
+        limit = f"at most {1e-6 * self._pairs.limit_ns:g} ms, or --ros2.max-dt-ms MS"
+        return f"colour and depth are {nearest_ns / 1e6:.1f} ms apart: expected {limit}"
 
     def _heard(self) -> str:
         """The topics of sensor_msgs that publish within 1 s."""

@@ -99,9 +99,10 @@ class BagSource(ReadsInTime):
             return
         ns = pairs.nearest_ns
         nearest = "" if ns is None else f"; the next nearest is {1e-6 * ns:.1f} ms away"
+        limit = f"{1e-6 * pairs.limit_ns:g} ms (--bag.max-dt-ms)"
         text = (
             f"{self._color}: only {count} of {images[self._color]} images have one of {images[self._depth]} "
-            f"depth images within {self._max_dt_ms:g} ms (--bag.max-dt-ms){nearest}; the others are left out"
+            f"depth images within {limit}{nearest}; the others are left out"
         )
         self.reports.add(Report("images without a counterpart", text))
 
@@ -125,7 +126,8 @@ class BagSource(ReadsInTime):
         return color_image, depth_image
 
     def _new_pairs(self) -> StampPairs[BagMessage]:
-        return StampPairs(round(1e6 * self._max_dt_ms), _WAITING)
+        max_dt_ms = self._max_dt_ms
+        return StampPairs(None if max_dt_ms is None else round(1e6 * max_dt_ms), _WAITING)
 
     def _paired(
         self,
@@ -160,6 +162,9 @@ class BagSource(ReadsInTime):
             self.reports.add(Report.unusable(message.topic, error))
 
     def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:
+        report = Report.of_pair(self._color, color.stamp_ns, depth.stamp_ns)
+        if report is not None and self._max_dt_ms is None:
+            self.reports.add(report)
         try:
             images = self._images(color, depth)
         except BadImageError as error:
@@ -170,4 +175,7 @@ class BagSource(ReadsInTime):
 def _why_none(pairs: StampPairs[BagMessage]) -> str:
     if pairs.nearest_ns is None:
         return ""
-    return f": they are {pairs.nearest_ns / 1e6:.1f} ms apart: expected less, or --bag.max-dt-ms MS"
+    limit_ms, apart_ms = 1e-6 * pairs.limit_ns, 1e-6 * pairs.nearest_ns
+    return (
+        f": they are {apart_ms:.1f} ms apart: expected at most {limit_ms:g}, or --bag.max-dt-ms MS"
+    )

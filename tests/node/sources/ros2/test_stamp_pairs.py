@@ -1,6 +1,7 @@
 """Which colour and depth images are put together."""
 
 import numpy as np
+import pytest
 
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
@@ -10,7 +11,7 @@ def image(stamp_ns: int, data: np.ndarray = np.empty(0, np.uint8)) -> RawImage: 
     return RawImage(stamp_ns, "rgb8", data)
 
 
-def run(max_dt_ns: int, *stamps: tuple[str, int]) -> list[tuple[int, int]]:
+def run(max_dt_ns: int | None, *stamps: tuple[str, int]) -> list[tuple[int, int]]:
     pairs = StampPairs(max_dt_ns)
     found = [
         pairs.add_color(image(stamp)) if kind == "c" else pairs.add_depth(image(stamp))
@@ -44,6 +45,34 @@ def test_what_comes_after_a_pair_of_newer_images_is_forgotten_and_counted():
         found += [pair[0].stamp_ns] if pair else []
     assert found == [k for k in range(0, 240, 30) if k != 90]
     assert (pairs.take_late(), pairs.take_late()) == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("color_hz", "depth_hz"),
+    [(30.0, 29.97), (15.0, 14.99), (6.0, 5.99), (30.0, 15.0), (15.0, 30.0)],
+)
+def test_without_a_limit_a_camera_without_a_trigger_has_all_its_frames(color_hz, depth_hz):
+    """For two minutes with jitter of 1 ms: at near rates, colour and depth drift apart by half a frame."""
+    jitter_ns = np.random.default_rng(0).integers(-(10**6), 10**6, (2, 4000))
+    color, depth = (
+        [round(k * 1e9 / hz) + int(jitter_ns[of, k]) for k in range(round(120 * hz))]
+        for of, hz in enumerate((color_hz, depth_hz))
+    )
+    found = run(None, *_in_turn(color, depth))
+    slower = min(len(color), len(depth))
+    assert len(found) > 0.98 * slower
+    assert max(abs(c - d) for c, d in found) < 0.6e9 / max(color_hz, depth_hz) + 3e6
+
+
+def test_without_a_limit_no_image_takes_the_counterpart_of_its_neighbour():
+    """Half of colour and half of depth are lost."""
+    rng = np.random.default_rng(0)
+    for hz in (60, 30, 15, 5):
+        stamps = [k * 10**9 // hz for k in range(600)]
+        color, depth = ([s for s in stamps if rng.random() < 0.5] for _ in range(2))
+        found = run(None, *_in_turn(color, depth))
+        assert len(found) > 0.95 * len({*color} & {*depth})
+        assert sum(c != d for c, d in found) <= (60 if hz == 60 else 2)
 
 
 def test_one_that_is_lost_costs_only_its_own_pair():

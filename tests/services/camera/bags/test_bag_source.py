@@ -13,6 +13,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.camera import CameraOptions
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.topics import BagOptions
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.open_source import open_any_source
 from tests.late_frames import expect_late_frames_left_out
@@ -132,9 +133,14 @@ def test_topics_that_are_missing(room, tmp_path: Path):
         opened(tmp_path / "b")
     path = written(tmp_path, "mcap", room, depth_lag_ns=16_500_000)
     with pytest.raises(
-        UserError, match=r"they are 16\.5 ms apart: expected less, or --bag\.max-dt-ms"
+        UserError, match=r"they are 16\.5 ms apart: expected at most 16, or --bag\.max-dt-ms"
     ):
-        opened(path)
+        opened(path, bag=BagOptions(max_dt_ms=16.0))
+    unlimited = opened(path)
+    assert len(whole_frames(unlimited)) == 6
+    reports = reports_of(unlimited).take()
+    assert {report.kind for report in reports} == {"colour and depth far apart"}
+    assert "16 ms between colour and depth of a frame" in reports[0].text
     assert opened(path, bag=BagOptions(max_dt_ms=16.6)).frame_count == 6
     with pytest.raises(UserError, match=r"--start 6: source bag:.* has 6 frames"):
         opened(path, start=6, bag=BagOptions(max_dt_ms=16.6))
