@@ -44,7 +44,7 @@ SOURCES = (
         examples=("scannet:FOLDER", "scannet:FILE.sens"),
         brief="ScanNet scenes",
         about="a ScanNet scene, exported (`color/`, `depth/`, `pose/`, `intrinsic/`) or as recorded; the "
-        "`.sens` file is read frame by frame",
+        "`.sens` file, or the only one in FOLDER, is read frame by frame",
         opener="hsslam_node.sources.scannet:ScanNetSource",
         camera_options=(),
         looks_like=either(has_names(("color", "depth", "intrinsic")), has_suffix(".sens")),

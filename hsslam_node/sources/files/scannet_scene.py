@@ -14,7 +14,7 @@ from hsslam_node.sources.files.sens_file import SensFile
 from hsslam_node.sources.files.truth_files import read_matrix
 
 DEPTH_UNITS_PER_M = 1000.0  # of exported depth images
-_EXPECTED = "expected one with color/, depth/, pose/ and intrinsic/"
+_EXPECTED = "expected one with color/, depth/, pose/ and intrinsic/, or with one .sens file"
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,12 @@ class ScanNetFolder:
         return found
 
 
+def _recording_in(folder: Path) -> Path | None:
+    """The only `.sens` file of a folder without exported images; None for any other place."""
+    found = [] if (folder / "color").exists() else list(folder.glob("*.sens"))
+    return found[0] if len(found) == 1 else None
+
+
 RATE_HZ = 30.0  # exported frames have no stamps: frame n is stamped n / 30 s, in both
 
 
@@ -85,12 +91,14 @@ class ScanNetScene:
 
     @classmethod
     def find(cls, name: str) -> "ScanNetScene":
-        """The scene of a path (absolute, here, or in $HSSLAM_DATA): a folder, or a `.sens` file.
+        """The scene of a path (absolute, here, or in $HSSLAM_DATA): a folder, a `.sens` file, or a folder as
+        downloaded, which has one `.sens` file and no `color/`.
 
         Raises:
             UserError: not on disk, or a damaged file.
         """
-        for path in possible_places(name):
+        for place in possible_places(name):
+            path = _recording_in(place) or place
             if path.is_dir():
                 return cls(path, folder=ScanNetFolder(path))
             if path.is_file():

@@ -57,6 +57,21 @@ def test_frames_are_those_that_were_written(scene):
         assert abs(float(frame.color[..., 2].mean()) - 20 * k) < 2
 
 
+def test_a_folder_as_downloaded_is_its_recording(tmp_path):
+    folder = tmp_path / "scene0000_00"
+    folder.mkdir()
+    file = Sens(poses=POSES).write(folder / "scene0000_00.sens")
+    (folder / "scene0000_00.txt").write_text("colorWidth = 1296\n")
+    assert len(list(open_source(f"scannet:{folder}").frames())) == 5
+    truth = open_ground_truth(f"scannet:{folder}")
+    assert truth is not None and len(truth.T_world_cam) == 4
+    file.with_stem("another").write_bytes(file.read_bytes())
+    with pytest.raises(UserError, match=r"no frames: expected .*, or with one \.sens file"):
+        open_source(f"scannet:{folder}")
+    write_export(folder, POSES[:2])
+    assert len(list(open_source(f"scannet:{folder}").frames())) == 2  # what is exported counts
+
+
 def test_colour_is_where_the_depth_looks(scene):
     """Red is the column and green twice the row of the colour image that a depth pixel looks at."""
     frame = next(iter(open_source(scene).frames()))
