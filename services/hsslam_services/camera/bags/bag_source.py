@@ -17,7 +17,8 @@ from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_services.camera.bags.bag_file import BagFile, BagMessage
 from hsslam_services.camera.bags.bag_sensors import BagSensors, find_sensors
-from hsslam_services.camera.bags.bag_topics import camera_of, find_camera
+from hsslam_services.camera.bags.bag_topics import find_camera
+from hsslam_services.camera.ros2_messages import is_rectified
 from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_used
 
 _WAITING = 128  # images until their counterpart comes: 4 s at 30 Hz, as recorders may write late
@@ -157,8 +158,11 @@ class BagSource(ReadsInTime):
             return
         self._camera_info = message.content
         try:
-            self._frames.hear_camera(camera_of(self._bag, message, self._color))
-        except UserError as error:
+            camera = self._bag.decode.camera(
+                message.payload, message.type_name, is_rectified(self._color)
+            )
+            self._frames.hear_camera(camera)
+        except (BadImageError, UserError) as error:
             self.reports.add(Report.unusable(message.topic, error))
 
     def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:

@@ -116,16 +116,14 @@ def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
 
 
 def _is_whole(bag: BagFile, message: BagMessage) -> bool:
-    """Whether it can be decoded, without its image."""
+    """Whether it can be decoded, without its image; of intrinsics also whether they can be used."""
     try:
         if message.type_name == INFO:
             bag.decode.camera(message.payload, message.type_name, is_rectified=False)
         else:
             bag.decode.image(message.payload, message.type_name)
-    except BadImageError:
+    except (BadImageError, UserError):
         return False
-    except UserError:  # intrinsics that cannot be used, which is reported if they are chosen
-        pass
     return True
 
 

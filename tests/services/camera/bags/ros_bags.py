@@ -85,8 +85,14 @@ class BagWriter:
 
     def info(self, topic: str, stamp_ns: int, camera: Camera, *, scale: float = 2.0) -> None:
         """A `CameraInfo`; P is for images of `scale` times the focal length."""
-        scaled = np.diag([scale, scale, 1.0]) @ np.hstack([camera.K, np.zeros((3, 1))])
-        matrices = {"k": camera.K.ravel(), "r": np.eye(3).ravel(), "p": scaled.ravel()}
+        self.intrinsics(topic, stamp_ns, camera, camera.K, scale=scale)
+
+    def intrinsics(
+        self, topic: str, stamp_ns: int, camera: Camera, K: np.ndarray, *, scale: float = 2.0
+    ) -> None:
+        """As `info`, with this K [3, 3] for the camera's."""
+        scaled = np.diag([scale, scale, 1.0]) @ np.hstack([K, np.zeros((3, 1))])
+        matrices = {"k": K.ravel(), "r": np.eye(3).ravel(), "p": scaled.ravel()}
         matrices["d"] = np.array(camera.distortion or 5 * (0.0,))
         named = {name.upper() if self._is_ros1 else name: m for name, m in matrices.items()}
         no_roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}

@@ -59,6 +59,27 @@ def test_frames_of_another_camera_info_are_bad(kind: str, room, tmp_path: Path):
     assert len(whole_frames(opened(write("steady", camera.fx + 0.5)))) == len(room)
 
 
+@pytest.mark.parametrize("unusable", [3, 30])
+def test_intrinsics_of_0_before_the_right_ones_are_reported(unusable: int, room, tmp_path: Path):
+    """As of a driver that starts; a `camera_info` comes ten times as often as images."""
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for frame in room:
+            for k in range(10):
+                unknown = 10 * frame.index + k < unusable
+                K = np.zeros((3, 3)) if unknown else frame.camera.K
+                bag.intrinsics(INFO, frame.stamp_ns + k, frame.camera, K)
+            bag.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
+            bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
+    if unusable == 30:  # of the first thirty none is right
+        with pytest.raises(UserError, match=rf"source bag:.*bag: {INFO}: camera.fx = 0.0: expected"):
+            opened(tmp_path / "bag")
+        return
+    source = opened(tmp_path / "bag", room[0].depth_units_per_m)
+    expect_same(whole_frames(source), room)
+    (report,) = reports_of(source).take()
+    assert report.text.count(INFO) == 1 and "source bag:" not in report.text
+
+
 def test_an_encoding_that_is_not_supported_is_named(room, tmp_path: Path):
     with new_bag(tmp_path / "bag", "mcap") as bag:
         bag.info(INFO, 0, room[0].camera)
