@@ -203,7 +203,11 @@ class Ros2Source:
                 if (newest := self._next_pair()) is not None:
                     self._sensors.camera_frame = newest[0].frame_id
                     camera = cameras and cameras[0]
-                    if can_be_used(newest, camera, self._depth_camera.camera(newest)):
+                    depth_camera, scale = (
+                        self._depth_camera.camera(newest),
+                        self._options.camera.depth_scale,
+                    )
+                    if can_be_used(newest, camera, depth_camera, scale):
                         pair = newest
                     elif len(broken) < MOST_BROKEN:
                         broken.append(newest)

@@ -18,11 +18,15 @@ _SAME_COEFFICIENT = 1e-3  # of one lens: moves no pixel of a usual image by a pi
 
 
 def can_be_used(
-    pair: tuple[RawImage, RawImage], camera: Camera | None, depth_camera: Camera | None = None
+    pair: tuple[RawImage, RawImage],
+    camera: Camera | None,
+    depth_camera: Camera | None,
+    depth_scale: float | None,
 ) -> bool:
     """Whether this pair of colour and depth can be decoded and has the camera's size, if that is known.
 
     Such a pair shows the encodings of the source. `depth_camera`: None if depth is registered to colour.
+    `depth_scale`: as of `RosFrames`.
     """
     color, depth = pair
     try:
@@ -30,7 +34,7 @@ def can_be_used(
             color.expect_size(camera)
             depth.expect_size(depth_camera or camera)
         color.color()
-        depth.depth()
+        depth.depth(depth_scale)
     except BadImageError:
         return False
     return True

@@ -45,8 +45,8 @@ class BagSource(ReadsInTime):
         depth_scale = options.camera.depth_scale or found.depth_units_per_m
         first, mounting = found.first, found.mounting
         depth_camera = mounting.camera if mounting else None
-        if not can_be_used(first, found.camera, depth_camera):
-            first = self._first_pair(found.camera, depth_camera) or first
+        if not can_be_used(first, found.camera, depth_camera, depth_scale):
+            first = self._first_pair(found.camera, depth_camera, depth_scale) or first
         self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale, mounting)
         pairs = self._new_pairs()
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
@@ -108,13 +108,15 @@ class BagSource(ReadsInTime):
         self.reports.add(Report("images without a counterpart", text))
 
     def _first_pair(
-        self, camera: Camera, depth_camera: Camera | None
+        self, camera: Camera, depth_camera: Camera | None, depth_scale: float | None
     ) -> tuple[RawImage, RawImage] | None:
         """The first pair that can be used; None if none of the first 30 can."""
         with contextlib.closing(self._paired(self._new_pairs())) as pairs:
             for messages in islice(pairs, MOST_BROKEN):
                 with contextlib.suppress(BadImageError):
-                    if can_be_used(pair := self._images(*messages), camera, depth_camera):
+                    if can_be_used(
+                        pair := self._images(*messages), camera, depth_camera, depth_scale
+                    ):
                         return pair
         return None
 

@@ -12,7 +12,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.reports import reports_of
+from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.source import BadFrame
+from hsslam_services.camera.ros_frames import can_be_used
 from tests.services.camera.bags.room_bags import ROOM, expect_same, opened, whole_frames
 from tests.services.camera.bags.ros_bags import COLOR, DEPTH, INFO, KINDS, new_bag, written
 
@@ -71,13 +73,23 @@ def test_intrinsics_of_0_before_the_right_ones_are_reported(unusable: int, room,
             bag.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
             bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
     if unusable == 30:  # of the first thirty none is right
-        with pytest.raises(UserError, match=rf"source bag:.*bag: {INFO}: camera.fx = 0.0: expected"):
+        with pytest.raises(
+            UserError, match=rf"source bag:.*bag: {INFO}: camera.fx = 0.0: expected"
+        ):
             opened(tmp_path / "bag")
         return
     source = opened(tmp_path / "bag", room[0].depth_units_per_m)
     expect_same(whole_frames(source), room)
     (report,) = reports_of(source).take()
     assert report.text.count(INFO) == 1 and "source bag:" not in report.text
+
+
+def test_millimetres_in_floats_with_their_scale_are_usable_from_the_first_pair():
+    mm = np.full((120, 160), 3000.0, np.float32)
+    depth = RawImage(0, "32FC1", mm.view(np.uint8).ravel(), 160, 120, 4 * 160)
+    color = RawImage(0, "rgb8", np.zeros(3 * 160 * 120, np.uint8), 160, 120, 3 * 160)
+    assert can_be_used((color, depth), None, None, 1000.0)
+    assert not can_be_used((color, depth), None, None, None)
 
 
 def test_an_encoding_that_is_not_supported_is_named(room, tmp_path: Path):
