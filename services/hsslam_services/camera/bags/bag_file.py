@@ -21,6 +21,18 @@ if TYPE_CHECKING:
 _STAMP_AT = 4  # byte after the header of CDR, or after the sequence number of ROS 1
 _STAMP_BYTES = 8
 _LONGEST_REASON = 200
+_WHOLE = "expected a whole bag of ROS 1 or ROS 2"
+_EXPECTED = (  # by a part of the reason that rosbags gives
+    ("File end magic", f"{_WHOLE}: mcap recover FILE -o NEW.mcap repairs one that is cut off"),
+    ("Profile is not ros2", "expected messages of ROS 2, or the .bag of a recording of ROS 1"),
+    (
+        "format '.active'",
+        "expected a .bag: rosbag reindex, then rename a recording that was cut off",
+    ),
+    ("is not indexed", f"{_WHOLE}: rosbag reindex repairs a file that is cut off"),
+    ("index looks damaged", f"{_WHOLE}: rosbag reindex repairs a file that is cut off"),
+    ("format '.zst", "expected the folder with metadata.yaml, or the file as zstd -d unpacks it"),
+)
 
 
 @dataclass(frozen=True)
@@ -80,7 +92,8 @@ class BagFile:
             )
         if self._path.is_dir() and not (self._path / "metadata.yaml").exists():
             raise UserError(
-                f"source {self.name}: no metadata.yaml in it: expected a bag of ROS 2, or its .mcap or .db3"
+                f"source {self.name}: no metadata.yaml in it: expected a bag of ROS 2 (ros2 bag reindex "
+                "writes the file), or its .mcap or .db3"
             )
         with self._reported(), self._open() as reader:
             self.topics = tuple(
@@ -197,6 +210,7 @@ class BagFile:
             if isinstance(error, OSError) and error.errno in STORAGE_FAILS:
                 raise
             reason = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
+            expected = next((text for part, text in _EXPECTED if part in reason), _WHOLE)
             raise UserError(
-                f"source {self.name}: cannot be read: {reason}: expected a whole bag of ROS 1 or ROS 2"
+                f"source {self.name}: cannot be read: {reason.rstrip('.')}: {expected}"
             ) from None

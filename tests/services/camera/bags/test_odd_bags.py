@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionMode
 
 from hsslam_node.errors import UserError
@@ -59,6 +60,36 @@ def test_frames_of_another_camera_info_are_bad(kind: str, room, tmp_path: Path):
         in bad[0].reason
     )
     assert len(whole_frames(opened(write("steady", camera.fx + 0.5)))) == len(room)
+
+
+def _cut(path: Path) -> Path:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    return path
+
+
+def test_a_recording_that_was_cut_off_says_what_repairs_it(room, tmp_path: Path):
+    folder = written(tmp_path, "mcap", room)
+    (file,) = folder.glob("*.mcap")
+    ros1 = _cut(written(tmp_path, "bag", room))
+    active = tmp_path / "recorded.bag.active"
+    active.write_bytes(ros1.read_bytes())
+    of_ros1 = tmp_path / "ros1.mcap"
+    with of_ros1.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros1")
+        writer.finish()
+    for path, words in (
+        (
+            _cut(file),
+            "File end magic is invalid: expected .*: mcap recover FILE -o NEW.mcap",
+        ),
+        (folder, "File end magic is invalid: expected .*: mcap recover FILE -o NEW.mcap"),
+        (active, "expected a .bag: rosbag reindex, then rename"),
+        (of_ros1, "Profile is not ros2: expected messages of ROS 2, or the .bag of"),
+        (ros1, "damaged: .*: rosbag reindex repairs"),
+    ):
+        with pytest.raises(UserError, match=f"source bag:{path}: cannot be read: .*{words}"):
+            opened(path)
 
 
 @pytest.mark.parametrize("unusable", [3, 30])
