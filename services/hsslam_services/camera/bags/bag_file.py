@@ -2,6 +2,7 @@
 
 import contextlib
 import struct
+import weakref
 from collections.abc import Collection, Generator, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -73,7 +74,8 @@ class BagMessage:
 class BagFile:
     """A folder with `metadata.yaml`, a `.mcap` or `.db3` of ROS 2, or a `.bag` of ROS 1.
 
-    The package rosbags reads it, chunk by chunk. The message definitions in the bag are ignored.
+    The package rosbags reads it, chunk by chunk. The message definitions in the bag are ignored. A bag whose
+    files are compressed is unpacked into $TMPDIR until this object is deleted.
 
     Raises:
         UserError: rosbags is not installed, or the bag is missing or damaged.
@@ -95,11 +97,16 @@ class BagFile:
                 f"source {self.name}: no metadata.yaml in it: expected a bag of ROS 2 (ros2 bag reindex "
                 "writes the file), or its .mcap or .db3"
             )
-        with self._reported(), self._open() as reader:
+        self._unpacked: Ros1Reader | Ros2Reader | None = None
+        with self._reported(), contextlib.ExitStack() as stack:
+            reader = stack.enter_context(self._open())
             self.topics = tuple(
                 BagTopic(name, str(topic.msgtype), topic.msgcount)
                 for name, topic in sorted(reader.topics.items())
             )
+            if getattr(reader, "compression_mode", None) == "file":
+                self._unpacked = reader  # it unpacks all files into $TMPDIR when it opens
+                weakref.finalize(self, stack.pop_all().close)
 
     def messages(self, topics: Collection[str]) -> Generator[BagMessage, None, None]:
         """The messages of these topics in the order of recording.
@@ -172,7 +179,7 @@ class BagFile:
         self, topics: Collection[str]
     ) -> Generator[tuple[str, str, int, bytes], None, None]:
         """Topic, type, time of recording (ns) and bytes of each message of these topics."""
-        with self._open() as reader:
+        with self._opened() as reader:
             wanted = [connection for connection in reader.connections if connection.topic in topics]
             if not wanted:
                 return
@@ -180,6 +187,9 @@ class BagFile:
                 if self._is_ros1 and connection.msgtype == IMAGE:
                     payload = image_without_unit(payload)
                 yield connection.topic, connection.msgtype, recorded_ns, payload
+
+    def _opened(self) -> contextlib.AbstractContextManager["Ros1Reader | Ros2Reader"]:
+        return self._open() if self._unpacked is None else contextlib.nullcontext(self._unpacked)
 
     def _open(self) -> "Ros1Reader | Ros2Reader":
         from rosbags.rosbag1 import Reader as Ros1Reader

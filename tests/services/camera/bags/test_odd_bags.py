@@ -1,5 +1,6 @@
 """Bags with something odd in them: it costs the frames that it concerns, and an error names it."""
 
+import gc
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,6 +61,24 @@ def test_frames_of_another_camera_info_are_bad(kind: str, room, tmp_path: Path):
         in bad[0].reason
     )
     assert len(whole_frames(opened(write("steady", camera.fx + 0.5)))) == len(room)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_bag_with_compressed_files_is_unpacked_once(kind, room, tmp_path: Path, monkeypatch):
+    unpacked = tmp_path / "tmp"
+    unpacked.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(unpacked))
+    with new_bag(tmp_path / "bag", kind, CompressionMode.FILE) as bag:
+        for frame in room:
+            bag.frame(frame)
+    source = opened(tmp_path / "bag", room[0].depth_units_per_m)
+    (folder,) = unpacked.iterdir()
+    expect_same(whole_frames(source), room)
+    expect_same(whole_frames(source, first=4), room[4:])
+    assert [*unpacked.iterdir()] == [folder]
+    del source
+    gc.collect()
+    assert not [*unpacked.iterdir()]
 
 
 def _cut(path: Path) -> Path:
