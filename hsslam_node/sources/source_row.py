@@ -37,6 +37,8 @@ class SourceRow:
     """True: programs outside the run send the frames, so its router listens on a port."""
     only_forwards: bool = False
     """True: its frames cannot be played backwards or held. Those of live cameras never can."""
+    reads_to_count: bool = False
+    """True: opening it reads the recording up to the last frame of `--frames`, which may take minutes."""
     camera_options: tuple[str, ...] | None = None
     """Fields of `CameraOptions` that it reads; others are refused. None: all, or a plugin checks them."""
     check: str | None = None

@@ -47,6 +47,8 @@ def open_any_source(
 def check_source_exists(options: ServeOptions) -> None:
     """Check that the source opens; downloads a published sequence that is not on disk.
 
+    Of a recording that is read to be counted, it checks the first selected frame.
+
     Does not open a live camera: only one process can have it, and it may need the router of this run.
 
     Raises:
@@ -63,7 +65,10 @@ def check_source_exists(options: ServeOptions) -> None:
         if mask and not user_path(mask).is_file():
             raise UserError(f"--mask {mask}: no such file: expected an image of the camera's size")
     elif options.has_camera_process:
-        source = open_any_source(options.source, replace(options.source_options, noise="none"))
+        checked = replace(options.source_options, noise="none")
+        if row is not None and row.reads_to_count:
+            checked = replace(checked, frames=1)
+        source = open_any_source(options.source, checked)
         if source.frame_count == 0 and options.start:
             raise UserError(f"--start {options.start}: source {options.source} has fewer frames")
         if source.frame_count == 0:

@@ -11,11 +11,12 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, NoFrame, Source, SourceLostError
+from hsslam_node.sources.source_row import find_row
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.map_camera import difference_from_map
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
-from hsslam_services.run.source_table import is_live
+from hsslam_services.run.source_table import ALL_SOURCES, is_live
 
 MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # once it has given frames
 
@@ -32,6 +33,11 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
         SourceLostError: a recording that has given frames cannot be opened any more.
     """
     reported = ""
+    row = find_row(worker.options.source, ALL_SOURCES)
+    if row is not None and row.reads_to_count and worker.options.frames is None:
+        worker.event(
+            "info", f"source {worker.options.source}: read to its end, to count its frames"
+        )
     for _ in worker.tries():
         try:
             options = replace(_rest(worker.run.source_options, after), is_reopened=had_frames)

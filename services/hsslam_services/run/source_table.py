@@ -40,6 +40,7 @@ SERVICE_SOURCES = (
             has_suffix(".db3"),
         ),
         only_forwards=True,
+        reads_to_count=True,
     ),
     _LOG,
     SourceRow(

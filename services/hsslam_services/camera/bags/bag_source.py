@@ -27,7 +27,8 @@ _WAITING = 128  # images until their counterpart comes: 4 s at 30 Hz, as recorde
 class BagSource(ReadsInTime):
     """The camera of a bag: colour images, each with the depth nearest in time, and the stamps of colour.
 
-    Opening reads the whole bag, to count its frames. It decodes an image only when a frame needs it.
+    Opening reads the bag to count its frames, to the last one that `--frames` selects. It decodes an image
+    only when a frame needs it.
 
     Raises:
         UserError: the bag is missing or damaged, its topics fit no camera, or no frame is selected.
@@ -49,10 +50,13 @@ class BagSource(ReadsInTime):
             first = self._first_pair(found.camera, depth_camera, depth_scale) or first
         self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale, mounting)
         pairs = self._new_pairs()
-        stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
+        most = options.frames and options.start + options.stride * (options.frames - 1) + 1
+        with contextlib.closing(self._paired(pairs)) as all_pairs:
+            stamps_ns = [color.stamp_ns for color, _ in islice(all_pairs, most)]
         if not stamps_ns:
             raise UserError(f"source {self._bag.name}: no colour-depth pair{_why_none(pairs)}")
-        self._report_alone(len(stamps_ns), pairs)
+        if most is None or len(stamps_ns) < most:
+            self._report_alone(len(stamps_ns), pairs)
         self._options = options
         self._rows = options.selected(len(stamps_ns))
         if not self._rows:

@@ -1,5 +1,6 @@
 """Bags as a source: the frames that were written come back, of each kind of bag."""
 
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,9 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame
-from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.camera.bags.bag_file import BagFile, BagMessage
+from hsslam_services.camera.open_source import check_source_exists, open_any_source
+from hsslam_services.run.options import ServeOptions
 from tests.late_frames import expect_late_frames_left_out
 from tests.services.camera.bags.room_bags import ROOM, expect_same, opened, whole_frames
 from tests.services.camera.bags.ros_bags import (
@@ -47,6 +50,34 @@ def test_frames_are_those_that_were_written(kind: str, room: list[Frame], tmp_pa
     assert chosen.frame_count == 2
     expect_same(whole_frames(chosen), [replace(room[k], index=n) for n, k in enumerate((1, 3))])
     expect_same(whole_frames(chosen, first=1), [replace(room[3], index=1)])
+
+
+def test_opening_reads_to_the_last_selected_frame(room, tmp_path: Path, monkeypatch):
+    path, units = written(tmp_path, "db3", room), room[0].depth_units_per_m
+    read: list[str] = []
+    messages = BagFile.messages
+
+    def counted(bag: BagFile, topics: Collection[str]) -> Iterator[BagMessage]:
+        for message in messages(bag, topics):
+            read.append(message.topic)
+            yield message
+
+    monkeypatch.setattr(BagFile, "messages", counted)
+    for options, frames, depths in (
+        ({}, 6, 6),
+        ({"frames": 1}, 1, 1),
+        ({"start": 1, "stride": 2, "frames": 2}, 2, 4),
+    ):
+        read.clear()
+        source = opened(path, units, **options)
+        assert source.frame_count == frames
+        assert read.count(DEPTH) == depths + 1  # one shows the encoding
+        assert not reports_of(source).take()
+    read.clear()
+    check_source_exists(ServeOptions(f"bag:{path}"))
+    assert read.count(DEPTH) == 2
+    with pytest.raises(UserError, match=r"--start 6: source bag:.* has 6 frames"):
+        opened(path, units, start=6, frames=1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
