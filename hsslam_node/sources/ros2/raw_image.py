@@ -14,6 +14,12 @@ from hsslam_node.sources.files.image_files import (
     decode_depth,
     expect_header,
 )
+from hsslam_node.sources.ros2.compressed_depth import (
+    HEADER_BYTES,
+    metres_of_inverse,
+    rvl_depth,
+    rvl_size,
+)
 
 FLOAT_UNITS_PER_M = 5000.0  # of depth that comes as metres in floats: up to 13.1 m
 _FARTHEST_MEDIAN_M = 100.0  # of depth in floats: more is another unit
@@ -45,6 +51,8 @@ _CHANNELS = {
 }
 _GREY = ("mono8", "8UC1")
 _DEPTH = ("16UC1", "32FC1", "mono16")
+_PNG_DEPTH = ("16UC1", "mono16", "png")  # formats
+_MOST_RVL_PX = 2**24  # more than a frame may have
 _PNG_BITS = 24  # offset of the bit depth in a PNG; the colour type follows
 
 
@@ -114,15 +122,16 @@ class RawImage:
             BadImageError: another encoding, or the data do not fit.
         """
         if self.is_compressed:
-            return self._compressed_depth(), units_per_m or MILLIMETRES_PER_M
+            depth_raw = self._compressed_depth()
+            if not self.encoding.startswith("32FC1"):
+                return depth_raw, units_per_m or MILLIMETRES_PER_M
+            return _depth_of_floats(
+                metres_of_inverse(depth_raw, self.data[:HEADER_BYTES]), units_per_m
+            )
         if self.encoding in ("16UC1", "mono16"):
             return self._pixels(np.dtype(np.uint16), 1), units_per_m or MILLIMETRES_PER_M
         if self.encoding == "32FC1":
-            scale = np.float32(FLOAT_UNITS_PER_M / (units_per_m or 1.0))
-            scaled = self._pixels(np.dtype(np.float32), 1) * scale
-            is_there = (scaled > 0) & (scaled < 65535.5)  # not so for NaN and infinity
-            _expect_metres(scaled, is_there)
-            return np.where(is_there, scaled + 0.5, 0).astype(np.uint16), FLOAT_UNITS_PER_M
+            return _depth_of_floats(self._pixels(np.dtype(np.float32), 1), units_per_m)
         raise BadImageError(
             f"depth in encoding {self.encoding!r}: expected 16UC1 (mm) or 32FC1 (m)"
         )
@@ -133,7 +142,9 @@ class RawImage:
         Raises:
             BadImageError: it has not the camera's size.
         """
-        if self.is_compressed:
+        if self._is_rvl:
+            expect_size("depth in RVL", *rvl_size(self.data), camera)
+        elif self.is_compressed:
             start = self._image_start()
             expect_header(self.data[start:].data, f"image in format {self.encoding!r}", camera)
         else:
@@ -149,15 +160,24 @@ class RawImage:
             return "depth"
         return "grey" if self.encoding.startswith(_GREY) else "color"
 
+    @property
+    def _is_rvl(self) -> bool:
+        return self.is_compressed and self.encoding.endswith("compressedDepth rvl")
+
     def _image_start(self) -> int:
         """Bytes that image_transport's compressedDepth puts before a PNG: 12 or none."""
         return 12 if self.data[12:16].tobytes() == PNG_START else 0
 
     def _compressed_depth(self) -> np.ndarray:
-        """Depth of a 16-bit PNG, without the 12 bytes that compressedDepth puts before it."""
-        data = self.data.tobytes()
-        if not self.encoding.startswith(("16UC1", "mono16", "png")):
-            raise BadImageError(f"depth in format {self.encoding!r}: expected a PNG of 16UC1")
+        """Depth of a 16-bit PNG, without the 12 bytes that compressedDepth puts before it, or of RVL; inverse
+        depth of 32FC1."""
+        if self._is_rvl:
+            return rvl_depth(self.data, _MOST_RVL_PX)
+        data, is_inverse = self.data.tobytes(), self.encoding.startswith("32FC1; compressedDepth")
+        if not (is_inverse and self._image_start()) and not self.encoding.startswith(_PNG_DEPTH):
+            raise BadImageError(
+                f"depth in format {self.encoding!r}: expected a PNG of 16UC1, or compressedDepth"
+            )
         return decode_depth(data[self._image_start() :], f"depth in format {self.encoding!r}")
 
     def _pixels(self, dtype: np.dtype, channels: int) -> np.ndarray:
@@ -173,6 +193,18 @@ class RawImage:
         order = ">" if self.is_big_endian else "<"
         pixels = np.ascontiguousarray(rows).view(dtype.newbyteorder(order)).astype(dtype)
         return pixels if channels == 1 else pixels.reshape(self.height_px, self.width_px, channels)
+
+
+def _depth_of_floats(floats: np.ndarray, units_per_m: float | None) -> tuple[np.ndarray, float]:
+    """Depth [H, W] uint16 and its units per metre, of floats [H, W]; `units_per_m`: of these, None: metres.
+
+    Raises:
+        BadImageError: they have another unit.
+    """
+    scaled = floats * np.float32(FLOAT_UNITS_PER_M / (units_per_m or 1.0))
+    is_there = (scaled > 0) & (scaled < 65535.5)  # not so for NaN and infinity
+    _expect_metres(scaled, is_there)
+    return np.where(is_there, scaled + 0.5, 0).astype(np.uint16), FLOAT_UNITS_PER_M
 
 
 def _expect_metres(scaled: np.ndarray, is_there: np.ndarray) -> None:
