@@ -8,9 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 from hsslam_node.sensor_watch import STEP_BACK_S
 
-_LEAST_LIMIT_NS = (
-    20_000_000  # as for TUM; half the time between two images at 30 Hz, and some jitter
-)
+_LEAST_LIMIT_NS = 20_000_000  # as for TUM; above half of the time between images at 30 Hz
 _OF_STEP = 0.6  # half of a step, and some jitter
 _KEPT = 16
 _KEPT_NS, _KEPT_BYTES = 10**9, 2**26  # what may wait beyond those

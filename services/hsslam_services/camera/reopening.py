@@ -36,7 +36,7 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     row = find_row(worker.options.source, ALL_SOURCES)
     if row is not None and row.reads_to_count and worker.options.frames is None:
         worker.event(
-            "info", f"source {worker.options.source}: read to its end, to count its frames"
+            "info", f"source {worker.options.source}: it is read to its end, to count its frames"
         )
     for _ in worker.tries():
         try:
