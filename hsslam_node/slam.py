@@ -6,6 +6,7 @@ order, so the poses are the same.
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import partial
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -275,13 +276,8 @@ class Slam:
         return open_fragment_tracker(
             self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s,
             fragments=newest_fragment_map(self._fragments) if self._fragments else 0,
-            keep=self._save_fragment,
+            keep=partial(_save_fragment, self._fragments, self.config) if self._fragments else None,
         )  # fmt: skip
-
-    def _save_fragment(self, fragment: Fragment) -> None:
-        if self._fragments is not None:
-            path = self._fragments / fragment_map_name(fragment.number)
-            save_checkpoint(path, fragment_map(fragment, self.config))
 
     def _open_map(self, frame: Frame) -> None:
         c = self.config
@@ -295,6 +291,10 @@ class Slam:
         self._views = MapViews(parameters, self._device, with_color=c.tracker.method == "rendering")
         if c.ba.enabled:
             self._ba = open_adjustment(c, parameters, self.seed, self._device)
+
+
+def _save_fragment(folder: Path, config: SlamConfig, fragment: Fragment) -> None:
+    save_checkpoint(folder / fragment_map_name(fragment.number), fragment_map(fragment, config))
 
 
 def _made(folder: Path) -> Path:

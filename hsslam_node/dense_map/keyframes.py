@@ -48,11 +48,12 @@ class MapKeyframes:
     @cached_property
     def posed_images(self) -> PosedImages | None:
         """Colour, depth and pose of each, which holds the last images read; None: the map has none."""
-        if (color := self.color) is None:
+        color, depth_m = self.color, self.depth_m  # `image` keeps them, not the keyframes: no cycle
+        if color is None:
             return None
 
         def image(k: int) -> tuple[np.ndarray, np.ndarray]:
-            return color(k), self.depth_m(k)
+            return color(k), depth_m(k)
 
         return PosedImages(self.camera, self.T_world_cam, lru_cache(_HELD_IMAGES)(image))
 

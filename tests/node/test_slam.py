@@ -1,6 +1,8 @@
 """The whole algorithm on forty small frames: accurate, and the same to the bit with one seed."""
 
+import gc
 import math
+import weakref
 from copy import copy
 from dataclasses import replace
 from functools import cache
@@ -198,6 +200,24 @@ def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
     assert [path.name for path in paths] == [f"map_fragment_{n}.safetensors" for n in (1, 2)]
     for saved in map(load_checkpoint, paths):
         assert not saved.is_fitted and saved.keyframe_stamps_ns[0] >= after[0].stamp_ns
+
+
+def test_the_memory_of_a_deleted_run_is_free_at_once(tmp_path):
+    """Python's search for cycles does not count the bytes of arrays, so it may come much later."""
+    gc.disable()
+    try:
+        slam = Slam(HASTY, fragments=tmp_path)
+        for frame in room_frames()[:2]:
+            slam.process(frame)
+        slam.render(np.eye(4))
+        assert slam.store and slam.parameters
+        parts = [
+            weakref.ref(part) for part in (slam, slam.store, slam.parameters, slam.map.keyframes)
+        ]
+        del slam
+        assert [part() for part in parts] == [None] * 4
+    finally:
+        gc.enable()
 
 
 def test_a_folder_of_fragments_that_cannot_be_made_is_named(tmp_path):
