@@ -6,6 +6,7 @@ order, so the poses are the same.
 
 import math
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from functools import partial
 from numbers import Integral
 from pathlib import Path
@@ -165,7 +166,7 @@ class Slam:
         self.pose_log.append(row)
         if (joined := result.joined) is not None:
             self._join(joined)
-        return result
+        return deepcopy(result)  # the tracker goes on from some of its arrays
 
     @property
     def map(self) -> DenseMap:

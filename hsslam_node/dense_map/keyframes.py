@@ -24,7 +24,7 @@ CastDepth = Callable[[Camera, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class MapKeyframes:
-    """The keyframes of a map, all of one camera.
+    """The keyframes of a map, all of one camera; its arrays are read-only.
 
     `depth_m(k)` is the planar depth [H, W] float32 m of the k-th one, 0 = no measurement. `color(k)` is its
     image [H, W, 3] uint8 RGB; None: the map has no images.
@@ -36,6 +36,10 @@ class MapKeyframes:
     T_world_cam: np.ndarray  # [n, 4, 4]
     depth_m: ImageOf
     color: ImageOf | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.ids, self.stamps_ns, self.T_world_cam):  # the map reads them later
+            array.flags.writeable = False
 
     def __len__(self) -> int:
         return len(self.ids)

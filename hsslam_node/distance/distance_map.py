@@ -91,7 +91,9 @@ class DistanceMap:
 
         outside = np.pad(self.states != UNKNOWN, 1)
         inner = (slice(1, -1),) * 3
-        return np.asarray(distance_transform_edt(outside))[inner] * self.grid.voxel_m
+        to_unknown_m = np.asarray(distance_transform_edt(outside))[inner] * self.grid.voxel_m
+        to_unknown_m.flags.writeable = False
+        return to_unknown_m
 
     def between(self, low_m: float, high_m: float) -> "DistanceMap":
         """The layers of voxels whose middles lie from `low_m` to `high_m` along z of the grid.

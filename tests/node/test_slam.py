@@ -220,6 +220,17 @@ def test_the_memory_of_a_deleted_run_is_free_at_once(tmp_path):
         gc.enable()
 
 
+def test_a_result_whose_arrays_are_overwritten_does_not_mislead_the_tracker():
+    expected = [result.T_world_cam for result in Slam(QUICK).run(room_frames()[:6])]
+    found = []
+    for result in Slam(QUICK).run(room_frames()[:6]):
+        found.append(result.T_world_cam.copy())
+        for array in (result.T_world_cam, result.T_keyframe_cam, result.covariance):
+            if array is not None:
+                array[:3, 1:3] *= -1
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_a_folder_of_fragments_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"fragments = .*/file: File exists: expected a folder"):

@@ -62,6 +62,16 @@ def test_processes_of_a_pool_get_the_same_map(tmp_path):
         assert np.array_equal(got, wanted, equal_nan=True)
 
 
+def test_what_a_map_shares_with_its_caller_cannot_be_overwritten(tmp_path):
+    room = mapped_room()
+    save_checkpoint(tmp_path / "m.safetensors", map_snapshot(room.store, room.parameters, SMALL))
+    saved = SavedMap.open(tmp_path / "m.safetensors", "cpu")
+    for keyframes in (saved.keyframes, room_map().keyframes):
+        for array in (keyframes.ids, keyframes.stamps_ns, keyframes.T_world_cam):
+            assert not array.flags.writeable
+    assert not room_map().distances().to_unknown_m.flags.writeable
+
+
 def test_distance_is_zero_at_what_a_frame_measured_and_grows_towards_the_camera():
     surface, eye = _measured(6), room_poses()[6][:3, 3]
     ray = surface - eye
