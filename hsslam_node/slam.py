@@ -87,7 +87,7 @@ class Slam:
         `new_map_after_s`: if the camera is lost for this time, it starts another map, a fragment, which
         joins the first map where they overlap; 0: never. One that ends without a join is saved for
         `hsslam-map merge`: map_fragment_1.safetensors and so on in the folder `fragments`, beside those that
-        are there; None: it is lost.
+        are there; None: it is lost. If one cannot be saved, the run goes on, and `finish` raises.
 
         Raises:
             UserError: the saved map (see `restore_map`) or the device cannot be used, `localise_only` has no
@@ -107,6 +107,7 @@ class Slam:
         self.seed = int(seed)
         self._new_map_after_s = new_map_after_s
         self._fragments = None if fragments is None else _made(Path(fragments))
+        self._unsaved: list[str] = []  # why fragments are not saved
         self._device = device if isinstance(device, Device) else choose_device(device)
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
@@ -140,6 +141,9 @@ class Slam:
 
         If the run continues a saved map, its keyframes that show only what this map shows retire before the
         iterations: mesh, queries and the saved map come from those that stay.
+
+        Raises:
+            UserError: fragments could not be saved; the map is finished nevertheless.
         """
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
@@ -153,6 +157,9 @@ class Slam:
             for _ in range(self._mapper.last_iterations(self.store)):
                 self._mapper.refine_sparse(self.store)
             self._mapper.publish()
+        if self._unsaved:
+            unsaved, self._unsaved[:] = "; ".join(self._unsaved), []
+            raise UserError(unsaved)
 
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: many iterations after the first, a few after each keyframe.
@@ -277,7 +284,8 @@ class Slam:
         return open_fragment_tracker(
             self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s,
             fragments=newest_fragment_map(self._fragments) if self._fragments else 0,
-            keep=partial(_save_fragment, self._fragments, self.config) if self._fragments else None,
+            keep=partial(_save_fragment, self._fragments, self.config, self._unsaved)
+            if self._fragments else None,
         )  # fmt: skip
 
     def _open_map(self, frame: Frame) -> None:
@@ -294,8 +302,14 @@ class Slam:
             self._ba = open_adjustment(c, parameters, self.seed, self._device)
 
 
-def _save_fragment(folder: Path, config: SlamConfig, fragment: Fragment) -> None:
-    save_checkpoint(folder / fragment_map_name(fragment.number), fragment_map(fragment, config))
+def _save_fragment(
+    folder: Path, config: SlamConfig, unsaved: list[str], fragment: Fragment
+) -> None:
+    """Save a fragment; if it cannot be saved, append the reason to `unsaved`."""
+    try:
+        save_checkpoint(folder / fragment_map_name(fragment.number), fragment_map(fragment, config))
+    except UserError as error:
+        unsaved.append(f"fragment {fragment.number} not saved: {error}")
 
 
 def _made(folder: Path) -> Path:

@@ -17,6 +17,7 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.fragment_tracker import FragmentTracker
+from hsslam_node.fragments.join_search import JoinSearch
 from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.fragment_place import FragmentPlace
@@ -200,6 +201,28 @@ def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
     assert [path.name for path in paths] == [f"map_fragment_{n}.safetensors" for n in (1, 2)]
     for saved in map(load_checkpoint, paths):
         assert not saved.is_fitted and saved.keyframe_stamps_ns[0] >= after[0].stamp_ns
+
+
+def test_a_fragment_that_cannot_be_saved_ends_neither_the_frame_nor_the_map(tmp_path):
+    slam = Slam(QUICK, fragments=tmp_path / "run")
+    for frame in room_frames()[:4]:
+        slam.process(frame)
+    tracker, store, parameters = slam._tracker, slam.store, slam.parameters
+    assert isinstance(tracker, FragmentTracker) and store and parameters
+    fragment = Fragment(QUICK, room_frames()[4], 0, 1, 8)
+    fragment.track(room_frames()[4])
+    tracker._fragment = fragment
+    tracker._search = JoinSearch(store, tracker._map.places, fragment)
+    (tmp_path / "run").rmdir()
+    slam.localise_only = True  # so that the tracker leaves the fragment
+    assert slam.process(room_frames()[4]).status == "tracked"
+    assert len(slam.trajectory()) == 5
+    slam.localise_only, version = False, parameters.version
+    told = r"fragment 1 not saved: .*run/map_fragment_1.safetensors: .*No such file"
+    with pytest.raises(UserError, match=told):
+        slam.finish()
+    assert parameters.version > version
+    slam.finish()  # the failure is told once
 
 
 def test_the_memory_of_a_deleted_run_is_free_at_once(tmp_path):
