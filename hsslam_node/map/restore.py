@@ -28,8 +28,8 @@ def restore_map(
 
     Raises:
         UserError: the file is missing or damaged, has another version or another field than `config.field`,
-            or has no images of its keyframes (versions before 3); or `config.bound.first_camera` is set; or
-            it is of a fragment, unless `may_be_fragment` is set.
+            has no images of its keyframes (versions before 3), or maps less depth than `config.mapper`; or
+            `config.bound.first_camera` is set; or it is of a fragment, unless `may_be_fragment` is set.
         OutOfMemoryError: there is no room for the arrays.
     """
     if config.bound.first_camera:
@@ -41,6 +41,7 @@ def restore_map(
     if not may_be_fragment:
         expect_fitted(path, saved)
     expect_field(path, saved.layout.config, config.field)
+    _expect_depth(path, saved.max_depth_m, config.mapper.max_depth_m)
     images, camera, moment = _whole(path, saved)
     if len(images) >= config.keyframes.capacity:
         raise UserError(
@@ -108,6 +109,15 @@ def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
                 f"{path}: map of another field: field.{field.name} is {there}: expected {here}; "
                 "run with the preset and the --slam.field options that made the map"
             )
+
+
+def _expect_depth(path: Path, saved_m: float | None, wanted_m: float) -> None:
+    """UserError if depth would count that the map was not fitted to."""
+    if saved_m is not None and wanted_m > saved_m:
+        raise UserError(
+            f"{path}: map of depth up to {saved_m:g} m: mapper.max_depth_m is {wanted_m:g}: expected at most "
+            f"{saved_m:g}; run with --slam.mapper.max-depth-m {saved_m:g}"
+        )
 
 
 def _restore_parameters(

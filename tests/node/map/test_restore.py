@@ -132,6 +132,16 @@ def test_a_map_of_another_field_is_refused(path):
         restore_map(MemoryAllocator(), path, other)
 
 
+def test_a_map_that_was_not_fitted_to_far_depth_is_refused_with_a_larger_limit(path, tmp_path):
+    near = tmp_path / "near.safetensors"
+    save_checkpoint(near, replace(load_checkpoint(path), max_depth_m=2.2))
+    told = r"near\.safetensors: map of depth up to 2\.2 m: mapper\.max_depth_m is 12: expected at most 2\.2"
+    with pytest.raises(UserError, match=told):
+        restore_map(MemoryAllocator(), near, SMALL)
+    nearer = replace(SMALL, mapper=replace(SMALL.mapper, max_depth_m=2.2))
+    assert restore_map(MemoryAllocator(), near, nearer)[0].count == 10
+
+
 def test_a_map_without_images_is_refused(path, tmp_path):
     old = replace(load_checkpoint(path), images=None, second_moment=None)
     save_checkpoint(tmp_path / "old.safetensors", old)
