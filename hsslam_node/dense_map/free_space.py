@@ -7,7 +7,8 @@ import numpy as np
 from hsslam_node.dense_map.shapes import Shapes
 
 _FINEST_M = 0.004  # half side of cubes that are not split further
-_AT_ONCE = 256  # bodies
+_BODIES_AT_ONCE = 256
+_CUBES_AT_ONCE = 250_000  # in as many bodies, or in one; 0.1 GB
 _TO_CORNER = np.sqrt(3)  # of a cube, in half sides
 _CHILDREN = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
 Ask = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -25,11 +26,19 @@ def are_free(shapes: Shapes, ask: Ask, known_m: float = 0.05) -> np.ndarray:
         known_m: side of cubes that count as seen if their centre is, m.
     """
     free = np.ones(len(shapes), np.bool_)
-    for first in range(0, len(shapes), _AT_ONCE):
-        of = np.arange(first, min(first + _AT_ONCE, len(shapes)))
+    for of in _batches(shapes, known_m):
         _probe(free, of, shapes, ask)
         _look_into(free, of[free[of]], shapes, ask, known_m / 2)
     return free
+
+
+def _batches(shapes: Shapes, cube_m: float) -> list[np.ndarray]:
+    """Numbers of the bodies to look into at once: so many that their cubes fit into memory, at least one."""
+    cubes = (2 * shapes.around()[1] / cube_m) ** 3
+    shares = np.clip(cubes / _CUBES_AT_ONCE, 1 / _BODIES_AT_ONCE, 1.0)
+    batches = np.floor(np.cumsum(shares) - shares)
+    split = np.split(np.arange(len(shapes)), 1 + np.flatnonzero(np.diff(batches)))
+    return [of for of in split if len(of)]
 
 
 def _probe(free: np.ndarray, of: np.ndarray, shapes: Shapes, ask: Ask) -> None:

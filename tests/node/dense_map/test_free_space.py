@@ -75,6 +75,19 @@ def test_a_long_thin_body_that_leaves_the_seen_space_is_looked_at_only_at_a_few_
     assert sum(asked) == 27
 
 
+def test_many_large_bodies_take_no_more_memory_than_a_few():
+    """A cubic metre each, in free space that keyframes saw everywhere."""
+    asked = []
+
+    def ask(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(points))
+        return np.full(len(points), 2.0), np.ones(len(points), np.bool_)
+
+    corners = np.linspace(-9.0, 9.0, 100)[:, None] * np.ones(3)
+    assert are_free(Boxes.between(corners, corners + 1.0), ask).all()
+    assert max(asked) < 400_000
+
+
 def test_a_body_of_which_no_distance_is_known_is_not_free():
     class Nowhere(Spheres):
         def distance_m(self, points, of):
