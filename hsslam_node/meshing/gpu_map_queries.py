@@ -1,5 +1,7 @@
 """Queries of a trained map on the GPU: twin of `MapQueries`."""
 
+import threading
+
 import numpy as np
 import torch
 
@@ -25,6 +27,7 @@ class GpuMapQueries:
         self._layout = gpu_layout(kernel_layout(layout), self._on)
         self._params = torch.from_numpy(params).to(self._on)
         self._activations = field_activations(self._layout, 0)
+        self._coloring = threading.Lock()  # of the activations
 
     def sdf(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
@@ -37,15 +40,14 @@ class GpuMapQueries:
     def color(self, points: np.ndarray) -> np.ndarray:
         """RGB [N, 3], 0..1, at points [N, 3] float32 m, world."""
         colors = np.empty((len(points), 3), np.float32)
-        most = min(len(points), _CHUNK)
-        if len(self._activations.sdf) < most:
-            self._activations = field_activations(self._layout, most)
-        for start in range(0, len(points), _CHUNK):
-            chunk = points[start : start + _CHUNK]
-            field_forward(
-                self._params, self._layout, self._sent(chunk), len(chunk), self._activations
-            )
-            colors[start : start + _CHUNK] = self._activations.rgb[: len(chunk)].cpu().numpy()
+        with self._coloring:
+            most = min(len(points), _CHUNK)
+            if len(self._activations.sdf) < most:
+                self._activations = field_activations(self._layout, most)
+            for start in range(0, len(points), _CHUNK):
+                sent = self._sent(points[start : start + _CHUNK])
+                field_forward(self._params, self._layout, sent, len(sent), self._activations)
+                colors[start : start + _CHUNK] = self._activations.rgb[: len(sent)].cpu().numpy()
         return colors
 
     def _ask(self, points: np.ndarray, *, with_gradient: bool) -> FieldAnswers:

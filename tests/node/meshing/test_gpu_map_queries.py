@@ -1,5 +1,6 @@
 """The GPU answers meshing as the CPU does."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -30,3 +31,15 @@ def test_distance_and_colour_agree():
         np.testing.assert_allclose(gpu.color(part), cpu.color(part), atol=1e-5)
     nothing = np.empty((0, 3), np.float32)
     assert gpu.sdf(nothing).shape == (0,) and gpu.color(nothing).shape == (0, 3)
+
+
+def test_threads_that_ask_one_map_get_the_colours_of_their_own_points():
+    layout = empty_room(CONFIG).parameters.layout
+    params = np.random.default_rng(0).normal(0, 0.2, layout.parameter_count).astype(np.float32)
+    low, high = np.array(layout.bound.low), np.array(layout.bound.high)
+    points = [(low + k / 5 * (high - low))[None].astype(np.float32) for k in (1, 2, 3, 4)]
+    queries = open_map_queries(layout, params, GPU)
+    expected = [queries.color(part) for part in points]
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(queries.color, points))
+    np.testing.assert_array_equal(found, expected)
