@@ -30,6 +30,8 @@ PIXELS = 5  # of the picture, for each cell
 def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: str = "0.1") -> None:
     """Plan, print and draw."""
     heights_m = _metres(from_m), _metres(to_m)
+    if not heights_m[0] < heights_m[1]:
+        raise UserError(f"FROM_M {from_m} TO_M {to_m}: expected from < to")
     if map_file.endswith(".yaml"):
         points, clearance_m = clearance_on_grid(Path(map_file))
     else:

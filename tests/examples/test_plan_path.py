@@ -107,6 +107,7 @@ def test_only_a_grid_needs_pyyaml(monkeypatch):
         (("a", "b", "c"), "FROM"),
         (("a", "b", "low", "0.1"), "error: low: expected a height in metres"),
         (("a", "b", "0.1", "nan"), "error: nan: expected a height in metres"),
+        (("a", "b", "0.1", "-0.6"), "error: FROM_M 0.1 TO_M -0.6: expected from < to"),
     ],
 )
 def test_bad_input_is_one_line(arguments, text):
