@@ -34,8 +34,10 @@ def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
 
 def ask(slam: Slam) -> None:
     """Query points and rays along the optical axis of the last camera."""
-    T_world_cam = slam.trajectory().T_world_cam[-1]
-    eye, ahead = T_world_cam[:3, 3], T_world_cam[:3, 2]
+    trajectory = slam.trajectory()
+    if not len(trajectory):
+        raise UserError("no frame was tracked: expected a source whose frames have depth")
+    eye, ahead = trajectory.T_world_cam[-1, :3, 3], trajectory.T_world_cam[-1, :3, 2]
 
     hits = slam.raycast(eye[None], ahead[None], max_m=8.0)
     print(f"ahead there is a surface after {hits.distance_m[0]:.2f} m")

@@ -165,7 +165,12 @@ class Slam:
         """Track one frame, then map: many iterations after the first, a few after each keyframe.
 
         Its images are copied, so a camera may write the next ones into the same arrays.
+
+        Raises:
+            UserError: it is no `Frame`, or not like the frames before.
         """
+        if not isinstance(frame, Frame):
+            raise UserError(f"frame is a {type(frame).__name__}: expected a Frame")
         result = self._process(frame.copied())
         at_ns = frame.stamp_ns
         row = result.log_row(source_stamp_ns=at_ns, stamp_ns=at_ns, publish_ns=at_ns)

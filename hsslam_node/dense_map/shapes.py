@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.se3 import are_rigid
+from hsslam_node.geometry.se3 import FARTHEST_M, are_rigid
 
 _MOST_M = 1e6  # of a body; far larger than a map, far below overflow
 _WITHIN = 0.98  # of a half side, for points within a body
@@ -82,7 +82,10 @@ class Boxes:
     size_m: np.ndarray
 
     def __post_init__(self) -> None:
-        expected = "expected finite transforms [N, 4, 4], of a rotation and a translation"
+        expected = (
+            "expected finite transforms [N, 4, 4], of a rotation and a translation of at most "
+            f"{FARTHEST_M:g} m"
+        )
         T = _numbers("T_world_box", self.T_world_box, expected)
         if T.ndim != 3 or T.shape[1:] != (4, 4) or not are_rigid(T):
             raise UserError(f"T_world_box {_short(T)}: {expected}")
@@ -145,10 +148,13 @@ def finite_rows(name: str, values: ArrayLike, width: int) -> np.ndarray:
 
 def rigid_transform(name: str, values: ArrayLike) -> np.ndarray:
     """A transform [4, 4] of float64, neither scaled nor mirrored; UserError with `name` if it is none."""
-    expected = "expected a transform [4, 4] of a rotation and a translation"
+    expected = (
+        f"expected a transform [4, 4] of a rotation and a translation of at most {FARTHEST_M:g} m"
+    )
     T = _numbers(name, values, expected)
     if T.shape != (4, 4) or not are_rigid(T[None]):
-        raise UserError(f"{name} {_short(T)}: {expected}")
+        given = T.tolist() if T.shape == (4, 4) else _short(T)
+        raise UserError(f"{name} {given}: {expected}")
     return T
 
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+FARTHEST_M = 1e6  # of a pose from the origin
 _SMALL_ANGLE_RAD = 1e-6
 _ROUNDED = 1e-3  # largest error of the products of a rotation's columns
-_FARTHEST_M = 1e6  # from the origin
 
 
 def se3_exp(xi: np.ndarray) -> np.ndarray:
@@ -128,7 +128,7 @@ def _coefficients(omega: np.ndarray) -> tuple[float, float, float]:
 def are_rigid(T: np.ndarray) -> bool:
     """Whether transforms [N, 4, 4] are finite, at most 1000 km long, and neither scale nor mirror."""
     R, t = T[:, :3, :3], T[:, :3, 3]
-    if not ((np.abs(R) <= 2.0).all() and (np.abs(t) <= _FARTHEST_M).all()):  # so none is nan
+    if not ((np.abs(R) <= 2.0).all() and (np.abs(t) <= FARTHEST_M).all()):  # so none is nan
         return False
     is_turned = (np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)) <= _ROUNDED).all()
     return bool(is_turned and (np.linalg.det(R) > 0).all() and (T[:, 3] == [0, 0, 0, 1]).all())

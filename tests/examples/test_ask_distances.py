@@ -1,10 +1,14 @@
 """The example that asks a map, as a user runs it."""
 
 import re
+import runpy
 
 import pytest
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.errors import UserError
+from hsslam_node.presets import PRESETS
+from hsslam_node.slam import Slam
 from tests.in_process import run_script
 from tests.repository import ROOT
 
@@ -36,3 +40,11 @@ def test_bad_input_is_one_line(arguments, text):
     done = run_script(EXAMPLE, *arguments)
     assert done.returncode == 1
     assert text in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_source_without_a_tracked_frame_is_told():
+    ask = runpy.run_path(str(EXAMPLE))["ask"]
+    with pytest.raises(
+        UserError, match="no frame was tracked: expected a source whose frames have"
+    ):
+        ask(Slam(PRESETS["realtime"]))

@@ -282,6 +282,13 @@ def test_the_name_of_a_preset_is_no_configuration():
         Slam("realtime")  # type: ignore[arg-type]
 
 
+def test_what_is_no_frame_is_named():
+    with pytest.raises(UserError, match="frame is a NoneType: expected a Frame"):
+        Slam(SMALL).process(None)  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="frame is a int: expected a Frame"):
+        next(Slam(SMALL).run([1, 2]))  # type: ignore[list-item]
+
+
 def test_a_whole_number_of_numpy_is_a_seed():
     assert Slam(SMALL, seed=np.int64(3)).seed == 3
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.dense_map.shapes import Boxes, Spheres
+from hsslam_node.dense_map.shapes import Boxes, Spheres, rigid_transform
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import se3_exp
 
@@ -53,6 +53,9 @@ def test_a_sphere_has_one_radius_or_each_its_own():
     np.testing.assert_allclose(each.distance_m(points, of), [-0.2, 0.5])
 
 
+_FAR = np.eye(4) + 1e12 * np.eye(4, k=3)  # a pose
+
+
 @pytest.mark.parametrize(
     ("make", "text"),
     [
@@ -75,6 +78,10 @@ def test_a_sphere_has_one_radius_or_each_its_own():
         (lambda: Boxes(np.zeros((1, 4, 4)), np.ones(3)), "T_world_box .*of a rotation and a tra"),
         (lambda: Boxes(np.diag([2.0, 2, 2, 1])[None], np.ones(3)), "T_world_box .*of a rotation"),
         (lambda: Boxes(np.diag([1.0, 1, -1, 1])[None], np.ones(3)), "T_world_box .*of a rotation"),
+        (
+            lambda: rigid_transform("T", _FAR),
+            r"T \[\[1.0, .*0000.0\], .*translation of at most 1e\+06 m",
+        ),
     ],
 )
 def test_what_is_no_shape_is_refused_in_one_line(make, text):
