@@ -115,7 +115,8 @@ class DenseMap:
         Space that no keyframe saw counts as free: `is_free` tells whether all was seen. A ray that starts
         behind a surface must come out before it can hit one. A surface that no keyframe saw, or that
         keyframes saw through later, is no hit: the ray passes it. If the field has no surface within 10 cm
-        behind a measured one, the ray ends at the measured one; its length is then good to 5 cm. A ray that
+        behind a measured one, the ray ends at the measured one; its length is then good to 5 cm. With unseen
+        voxels just before the measured one, this holds only if the field has no surface on the ray. A ray that
         reaches the map after more than 10^9 m hits nothing.
 
         Raises:
@@ -137,7 +138,8 @@ class DenseMap:
         distance_m = self._rays.distances(start, along, max_m, seen.may_have_surface)
         distance_m = np.where(distance_m > 0, distance_m, np.inf)
         nearest_m = np.minimum(distance_m, max_m)
-        measured_m = measured_reach(seen.distances, start, along, nearest_m)
+        over_gaps = ~np.isfinite(distance_m)
+        measured_m = measured_reach(seen.distances, start, along, nearest_m, over_gaps)
         is_passed = measured_m < distance_m - _PASSED * seen.grid.voxel_m
         distance_m = np.where(is_passed, measured_m, distance_m)
         return RayHits(distance_m, np.isfinite(distance_m))
