@@ -116,8 +116,8 @@ class DenseMap:
         behind a surface must come out before it can hit one. A surface that no keyframe saw, or that
         keyframes saw through later, is no hit: the ray passes it. If the field has no surface within 10 cm
         behind a measured one, the ray ends at the measured one; its length is then good to 5 cm. With unseen
-        voxels just before the measured one, this holds only if the field has no surface on the ray. A ray that
-        reaches the map after more than 10^9 m hits nothing.
+        voxels just before the measured one, this holds only if the field has no surface on the ray. A ray
+        that reaches the map after more than 10^9 m hits nothing.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.

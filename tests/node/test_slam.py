@@ -204,12 +204,12 @@ def test_a_fragment_that_does_not_join_is_saved_if_a_folder_is_given(tmp_path):
 
 
 def test_a_fragment_that_cannot_be_saved_ends_neither_the_frame_nor_the_map(tmp_path):
-    slam = Slam(QUICK, fragments=tmp_path / "run")
+    slam = Slam(HASTY, fragments=tmp_path / "run")
     for frame in room_frames()[:4]:
         slam.process(frame)
     tracker, store, parameters = slam._tracker, slam.store, slam.parameters
     assert isinstance(tracker, FragmentTracker) and store and parameters
-    fragment = Fragment(QUICK, room_frames()[4], 0, 1, 8)
+    fragment = Fragment(HASTY, room_frames()[4], 0, 1, 8)
     fragment.track(room_frames()[4])
     tracker._fragment = fragment
     tracker._search = JoinSearch(store, tracker._map.places, fragment)
@@ -244,9 +244,9 @@ def test_the_memory_of_a_deleted_run_is_free_at_once(tmp_path):
 
 
 def test_a_result_whose_arrays_are_overwritten_does_not_mislead_the_tracker():
-    expected = [result.T_world_cam for result in Slam(QUICK).run(room_frames()[:6])]
+    expected = [result.T_world_cam for result in Slam(HASTY).run(room_frames()[:6])]
     found = []
-    for result in Slam(QUICK).run(room_frames()[:6]):
+    for result in Slam(HASTY).run(room_frames()[:6]):
         found.append(result.T_world_cam.copy())
         for array in (result.T_world_cam, result.T_keyframe_cam, result.covariance):
             if array is not None:
