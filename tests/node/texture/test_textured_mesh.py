@@ -53,6 +53,14 @@ def _keyframes(*distances_m: float) -> MapKeyframes:
     return MapKeyframes(_CAMERA, numbers, numbers, poses, depth_m)
 
 
+def _sees_half() -> MapKeyframes:
+    """One stands 80 cm beside the middle of the wall."""
+    before = _keyframes(_WALL_M)
+    return replace(
+        before, T_world_cam=before.T_world_cam + 0.8 * np.eye(4)[0][:, None] * np.eye(4)[3]
+    )
+
+
 def _drawn_psnr(mesh: trimesh.Trimesh, true: np.ndarray) -> float:
     """Of the inner part of the first camera's view, which all keyframes see."""
     image, depth_m = MeshView(mesh).draw(_CAMERA, np.eye(4))
@@ -137,8 +145,8 @@ def test_a_keyframe_with_depth_gives_the_colours_of_what_a_mask_leaves_out_of_an
 
 
 def test_what_no_keyframe_sees_has_the_colours_of_vertices():
-    away = _keyframes(_WALL_M)
-    away.T_world_cam[0] = np.diag([-1.0, 1.0, -1.0, 1.0])
+    turned = np.diag([-1.0, 1.0, -1.0, 1.0])
+    away = replace(_keyframes(_WALL_M), T_world_cam=turned[None])
     textured = textured_mesh(_wall(), away, lambda _: _image(_WALL_M), 1024)
     image, depth_m = MeshView(textured).draw(_CAMERA, np.eye(4))
     np.testing.assert_allclose(255 * image[depth_m > 0], 128, atol=1)
@@ -154,8 +162,7 @@ def test_many_triangles_that_no_keyframe_sees_take_no_pixels_from_those_that_one
     wall, true = _wall(), _image(_WALL_M)
     slope = np.stack([128 + 100 * wall.vertices[:, k] for k in (0, 1, 0)], axis=1).astype(np.uint8)
     wall.visual.vertex_colors = slope  # type: ignore[union-attr]
-    sees_half = _keyframes(_WALL_M)
-    sees_half.T_world_cam[0, 0, 3] = 0.8
+    sees_half = _sees_half()
     textured = textured_mesh(wall, sees_half, lambda _: true, 128)  # tiles alone would need 256
     material = textured.visual.material  # type: ignore[union-attr]
     assert max(material.baseColorTexture.size) <= 128
@@ -172,8 +179,7 @@ def test_many_triangles_that_no_keyframe_sees_take_no_pixels_from_those_that_one
 
 def test_a_texture_too_small_for_a_tenth_of_the_pixels_is_refused_and_the_size_told_suffices():
     def made(most_px: int) -> trimesh.Trimesh:
-        sees_half = _keyframes(_WALL_M)
-        sees_half.T_world_cam[0, 0, 3] = 0.8
+        sees_half = _sees_half()
         return textured_mesh(_wall(), sees_half, lambda _: _image(_WALL_M), most_px)
 
     with pytest.raises(UserError, match=r"^--texture-px 8: \d+ parts .* coarser --voxel$") as told:
