@@ -1,10 +1,8 @@
 """Reads the poses of a log, as published and as corrected by bundle adjustment."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse
@@ -23,8 +21,7 @@ class LoggedPoses:
     `final`: `online` corrected with the reference keyframes, and the frames of fragments that joined the
     map, as in trajectory.txt of a run. If the log lacks the keyframe of a pose, as after a cut, the pose
     stays as published. `keyframes`: of the run, without those of a loaded map. `fragments`: poses of
-    fragments that did not join, by number, as published, each in its own coordinate frame. To save memory,
-    `poses` lack `covariance`, `stage_ms` and `up`.
+    fragments that did not join, by number, as published, each in its own coordinate frame.
     """
 
     poses: list[messages.Pose]
@@ -78,10 +75,12 @@ class _Found:
     def add_pose(self, pose: messages.Pose) -> None:
         if _name(pose) in self.poses:
             return  # the frame was sent again
-        self.poses[_name(pose)] = msgspec.structs.replace(pose, covariance=[], stage_ms={}, up=[])
-        if pose.status == "lost" or pose.in_keyframe:
+        self.poses[_name(pose)] = pose
+        if pose.status == "lost":
             return
-        if pose.keyframe in self.keyframes:
+        if pose.in_keyframe:
+            self.T_keyframe_cam[_name(pose)] = pose_matrix(pose.in_keyframe)
+        elif pose.keyframe in self.keyframes:
             self._refer(pose)
         elif pose.keyframe >= 0:
             self.waiting.setdefault(pose.keyframe, []).append(pose)
@@ -105,7 +104,7 @@ class _Found:
         known = [pose for pose in poses if pose.status != "lost"]
         placed = [pose for pose in poses if pose.status != "lost" or pose.fragment in self.brought]
         final = _trajectory(
-            [pose.source_stamp_ns for pose in placed], (self._carried(pose) for pose in placed)
+            [pose.source_stamp_ns for pose in placed], [self._carried(pose) for pose in placed]
         )
         ids = sorted(self.stamps_ns)
         apart = {pose.fragment for pose in poses} - {0} - self.brought.keys()
@@ -114,7 +113,7 @@ class _Found:
             online=_as_published(known),
             final=_fitted_in(final, placed),
             keyframes=_trajectory(
-                [self.stamps_ns[k] for k in ids], (self.keyframes[k] for k in ids)
+                [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
             ),
             fragments={
                 number: _as_published([pose for pose in poses if pose.fragment == number])
@@ -132,8 +131,6 @@ class _Found:
             return self.keyframes[k] @ T_keyframe_cam
         T_world_keyframe = self.keyframes.get(pose.keyframe)
         T_keyframe_cam = self.T_keyframe_cam.get(_name(pose))
-        if pose.in_keyframe:
-            T_keyframe_cam = pose_matrix(pose.in_keyframe)
         if T_world_keyframe is None or T_keyframe_cam is None:
             return pose_matrix([*pose.t, *pose.q])
         return T_world_keyframe @ T_keyframe_cam
@@ -156,11 +153,8 @@ def _name(pose: messages.Pose) -> Name:
 
 def _as_published(poses: list[messages.Pose]) -> Trajectory:
     stamps_ns = [pose.source_stamp_ns for pose in poses]
-    return _trajectory(stamps_ns, (pose_matrix([*pose.t, *pose.q]) for pose in poses))
+    return _trajectory(stamps_ns, [pose_matrix([*pose.t, *pose.q]) for pose in poses])
 
 
-def _trajectory(stamps_ns: list[int], poses: Iterable[np.ndarray]) -> Trajectory:
-    T_world_cam = np.empty((len(stamps_ns), 4, 4))
-    for k, T in enumerate(poses):
-        T_world_cam[k] = T
-    return Trajectory(np.array(stamps_ns, np.int64), T_world_cam)
+def _trajectory(stamps_ns: list[int], poses: list[np.ndarray]) -> Trajectory:
+    return Trajectory(np.array(stamps_ns, np.int64), np.array(poses).reshape(-1, 4, 4))

@@ -1,6 +1,5 @@
 """Poses of a log follow the corrections of keyframes, also of those that a saved map brought."""
 
-import tracemalloc
 from pathlib import Path
 
 import msgspec
@@ -78,28 +77,6 @@ def test_an_older_log_is_read_as_far_as_it_tells(tmp_path):
     found = _logged(tmp_path, tells_in_keyframe=False)
     np.testing.assert_allclose(found.final.positions[:, 1], [0, 0, 1, 2, 2])
     assert found.keyframes.positions.tolist() == [[_NEW, 0, 0]]
-
-
-def test_a_pose_takes_little_memory(tmp_path):
-    """It took 2.7 kB; an hour has 108 000 poses."""
-    log, count = PartedLog(tmp_path, "r", LogSettings()), 500
-    log.write(topics.KEYFRAME, encode(topics.KEYFRAME, keyframe(_NEW)), 1, 1, 1)
-    for index in range(count):
-        numbers = [0.1 * index + number for number in range(21)]
-        at = msgspec.structs.replace(
-            pose(index), keyframe=_NEW, covariance=numbers, odometry=[*numbers[:3], *_AT_REST],
-            in_keyframe=[*numbers[:3], *_AT_REST], up=[0.0, 0.0, 1.0],
-            stage_ms=dict(zip("abcde", numbers, strict=False)),
-        )  # fmt: skip
-        log.write(topics.POSE, encode(topics.POSE, at), 33_000_000 * index, 1, 1)
-    log.close()
-    logged_poses([log.path])  # what stays in memory after the first time is no pose
-    tracemalloc.start()
-    found = logged_poses([log.path])
-    kept, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert len(found.final) == count
-    assert kept < 2100 * count
 
 
 def test_frames_by_odometry_alone_in_a_fragment_that_joined_are_fitted(tmp_path):
