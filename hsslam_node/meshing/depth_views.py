@@ -24,4 +24,5 @@ class DepthViews(Sequence[tuple[np.ndarray, np.ndarray]]):
     def __getitem__(self, k: Any) -> Any:
         if not 0 <= k < len(self):
             raise IndexError(k)
-        return self._depth_m(k), self._T_world_cam[k]
+        # a copy, as kernels compile once more for read-only arrays
+        return self._depth_m(k), self._T_world_cam[k].copy()

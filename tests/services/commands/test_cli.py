@@ -58,6 +58,9 @@ def test_a_stop_signal_leaves_no_temporary_file(tmp_path, numbers):
 import signal, sys
 from hsslam_node.durable_file import durable_file
 from hsslam_services.commands.cli import exit_code
+for number in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_DFL)  # a shell may have them ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def command():
     with durable_file("whole"):
 {sends}

@@ -7,6 +7,7 @@ import pytest
 
 _INTERRUPTED = """
 import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
 from hsslam_services.commands import start
 class Import:  # catches what is raised in it, as that of a compiled module may do
     def find_spec(self, name, *_):
