@@ -19,18 +19,18 @@ PresetName = Literal["realtime", "paper", "eslam", "co-slam"]
 
 PAPER: Final = SlamConfig()
 
-# Few samples a ray and strong SDF terms, for tracking against the map. The SDF error at new surfaces is
-# 2 mm; the paper's weights and rates give 5 mm with as many samples (docs/results.md).
+# Strong SDF terms, for tracking against the map, and few samples on many rays: as many points on half the
+# rays give a larger error of the field and a worse mesh (docs/experiments.md).
 REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
     tracker=TrackerConfig(
         method="alignment", depth_window_px=5, surface_points=4000, reference_views=8
     ),
-    sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
+    sampling=SamplingPattern(free_samples=1, surface_samples=2, free_reach=1.0, surface_reach=0.5),
     weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0, blind_color=0.0),
     mapper=MapperConfig(
-        rays=896,
+        rays=1792,
         iterations=4,
         first_iterations=150,
         last_iterations=8,

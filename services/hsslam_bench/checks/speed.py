@@ -8,6 +8,7 @@ from pathlib import Path
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.device.choose_device import choose_device
+from hsslam_node.presets import PRESETS
 
 BATCHES = {"light": (640, 12), "86k": (2000, 43)}  # rays, samples a ray
 CHANNELS = (16, 32)
@@ -34,6 +35,8 @@ def kernel_checks() -> list[Check]:
 
 def _iteration_checks() -> list[Check]:
     of = "one mapping iteration, forward + losses + backward + Adam, one thread"
+    rays, sampling = PRESETS["realtime"].mapper.rays, PRESETS["realtime"].sampling
+    free, surface = sampling.free_samples, sampling.surface_samples
     return [
         Check(
             "iteration:24k:32",
@@ -49,9 +52,9 @@ def _iteration_checks() -> list[Check]:
         ),
         Check(
             "iteration:realtime",
-            f"{of}: 896 x (2 + 4) points, 16 channels",
+            f"{of}: {rays} x ({free} + {surface}) points, 16 channels",
             "",
-            lambda session: _iteration(session, (896, 2, 4, 16), median_ms=None),
+            lambda session: _iteration(session, (rays, free, surface, 16), median_ms=None),
         ),
     ]
 
