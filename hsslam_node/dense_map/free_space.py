@@ -33,7 +33,7 @@ def are_free(shapes: Shapes, ask: Ask, known_m: float = 0.05) -> np.ndarray:
 
 
 def _batches(shapes: Shapes, cube_m: float) -> list[np.ndarray]:
-    """Numbers of the bodies to look into at once: so many that their cubes fit into memory, at least one."""
+    """Numbers of the bodies in each batch; the cubes of a batch of several fit into memory."""
     cubes = (2 * shapes.around()[1] / cube_m) ** 3
     shares = np.clip(cubes / _CUBES_AT_ONCE, 1 / _BODIES_AT_ONCE, 1.0)
     batches = np.floor(np.cumsum(shares) - shares)

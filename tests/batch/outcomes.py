@@ -12,7 +12,7 @@ from hsslam_services.run.options import ServeOptions
 def planned(
     out: Path, frames: tuple[int, ...] = (100, 200, 0), seed: int = 0, url: str = ""
 ) -> Batch:
-    """A batch of logs with so many frames; their names are log0, log1, ..., their ids id0, id1, ..."""
+    """A batch of logs with these numbers of frames, named log0, log1, ..., with ids id0, id1, ..."""
     out.mkdir(parents=True, exist_ok=True)
     logs = [
         Log(k, f"id{k}", f"log{k}", "mcap", f"/logs/log{k}", 1000, "1", n)

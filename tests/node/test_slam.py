@@ -222,7 +222,7 @@ def test_a_fragment_that_cannot_be_saved_ends_neither_the_frame_nor_the_map(tmp_
     with pytest.raises(UserError, match=told):
         slam.finish()
     assert parameters.version > version
-    slam.finish()  # the failure is told once
+    slam.finish()  # does not raise the error again
 
 
 def test_the_memory_of_a_deleted_run_is_free_at_once(tmp_path):

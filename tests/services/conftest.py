@@ -13,6 +13,7 @@ from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import free_endpoint, open_router
 from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import ServeProcess
@@ -73,6 +74,15 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
 def run_info(make_run: Callable[..., RunInfo]) -> RunInfo:
     """The run with default options."""
     return make_run()
+
+
+@contextmanager
+def started_fork_server(run: RunInfo) -> Iterator[ForkClient]:
+    """The client of a fork server, which has been started."""
+    client = ForkClient(run.path)
+    client.start()
+    yield client
+    client.close()
 
 
 @pytest.fixture

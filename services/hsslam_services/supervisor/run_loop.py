@@ -4,7 +4,6 @@ import contextlib
 import datetime
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,7 @@ from hsslam_services.supervisor.guard import Guard
 from hsslam_services.supervisor.kept_watchdog import KeptWatchdog
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
 from hsslam_services.supervisor.preparation import Prepared
+from hsslam_services.supervisor.replacement import Replacement
 from hsslam_services.supervisor.stop_reason import StopReason, of_processes, user_error
 
 _TICK_S = 0.05
@@ -83,10 +83,7 @@ class RunLoop:
         self._guard = Guard(lambda text: self._status.say(text, "error"))
         self._memory = MemoryOfAll()
         self._metrics = prepared.metrics
-        self._replaced = prepared.replaced
-        self._is_replaced = False
-        self._replacing: Future[str] | None = None
-        self._removals = DiskWork()  # of the previous run's files, which may take long
+        self._replacement = Replacement(prepared.replaced)
         self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
             spec.name: Child(
@@ -212,20 +209,14 @@ class RunLoop:
 
     def _replace_results(self) -> None:
         """Remove or keep the results of the previous run as soon as this one cannot be refused any more."""
-        if not (self.has_begun_to_replace or self._may_be_refused):
-            self._replacing = self._removals.ask(self._replaced.replace)
-        if self._replacing is not None and self._replacing.done():
-            asked, self._replacing = self._replacing, None  # tried again if it raises
-            name = asked.result()
-            self._is_replaced = True
-            if name:
-                text = f"the previous run did not end in order: its results are in {name}"
-                self._status.say(f"--out {self._info.run_dir}: {text}")
+        if name := self._replacement.tick(may_be_refused=self._may_be_refused):
+            text = f"the previous run did not end in order: its results are in {name}"
+            self._status.say(f"--out {self._info.run_dir}: {text}")
 
     @property
     def has_begun_to_replace(self) -> bool:
         """Whether the results of the previous run are being removed or kept, or have been."""
-        return self._is_replaced or self._replacing is not None
+        return self._replacement.has_begun
 
     @property
     def _may_be_refused(self) -> bool:
@@ -284,7 +275,7 @@ class RunLoop:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
         self.not_saved, self.given_up = end.not_saved, end.given_up
         # last, as `docker stop` grants 10 s: the next run removes what is left
-        self._wait_while(lambda: self._replacing is not None)
+        self._wait_while(lambda: self._replacement.is_going_on)
 
     def _wait_while(self, is_busy: Callable[[], bool]) -> None:
         """Let a client's request or a removal finish, for a limited time."""

@@ -12,7 +12,7 @@ WALL_M = 1.0  # its front, along z
 
 
 def _room(unseen: int) -> DistanceMap:
-    """Free space up to a wall, but for so many voxels just before it."""
+    """Free space up to a wall; the last `unseen` voxels before it are unknown."""
     grid = VoxelGrid(VOXEL_M, (0, 0, 0), (8, 32, 24))
     middles_m = VOXEL_M * (np.arange(24) + 0.5)
     states = np.full(grid.shape, FREE, np.uint8)

@@ -16,7 +16,7 @@ from hsslam_services.launch.spawn import Process
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import END_SIGNAL
 from tests.caught_signals import catches
-from tests.services.conftest import run_maker
+from tests.services.conftest import run_maker, started_fork_server
 
 _SAMPLE = "tests.services.sample_worker"
 
@@ -30,10 +30,8 @@ def living_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunInfo]:
 @pytest.fixture(scope="module")
 def living_client(living_run: RunInfo) -> Iterator[ForkClient]:
     """Of a fork server that no test kills, because a start takes seconds."""
-    link = ForkClient(living_run.path)
-    link.start()
-    yield link
-    link.close()
+    with started_fork_server(living_run) as client:
+        yield client
 
 
 @pytest.fixture
@@ -43,10 +41,8 @@ def run(make_run: Callable[..., RunInfo]) -> RunInfo:
 
 @pytest.fixture
 def fork_client(run: RunInfo) -> Iterator[ForkClient]:
-    link = ForkClient(run.path)
-    link.start()
-    yield link
-    link.close()
+    with started_fork_server(run) as client:
+        yield client
 
 
 def _start(fork_client: ForkClient, run: RunInfo, behaviour: str) -> Process:

@@ -31,7 +31,7 @@ class OtherEnd:
         self.camera.tick()
 
     def camera_states(self, beats: int) -> set[str]:
-        """States in so many heartbeats of the camera from now on."""
+        """States in the next `beats` heartbeats of the camera."""
         self._beats.drain()
         states: list[str] = []
         while len(states) < beats:

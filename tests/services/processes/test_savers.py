@@ -26,6 +26,7 @@ from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
+from tests.services.conftest import started_fork_server
 
 _ROOM = SynthOptions(width_px=160, height_px=120)
 _FRAMES = 12
@@ -46,10 +47,8 @@ def run(make_run: Callable[..., RunInfo]) -> RunInfo:
 @pytest.fixture
 def client(run: RunInfo) -> Iterator[ForkClient]:
     """It forks the savers, as several fresh interpreters would take longer."""
-    link = ForkClient(run.path)
-    link.start()
-    yield link
-    link.close()
+    with started_fork_server(run) as client:
+        yield client
 
 
 def _save(run: RunInfo, client: ForkClient, saver: str) -> int:

@@ -18,7 +18,7 @@ def walk(n: int = 90, seed: int = 0, rate_hz: float = 30.0) -> Trajectory:
 
 
 def shaken(trajectory: Trajectory, seed: int = 1, amount: float = 0.01) -> Trajectory:
-    """Each pose moved by noise of so many metres and radians."""
+    """Each pose moved by noise with these deviations, in metres and radians."""
     rng = np.random.default_rng(seed)
     noise = np.array([se3_exp(rng.normal(0, amount, 6)) for _ in trajectory.stamps_ns])
     return Trajectory(trajectory.stamps_ns, trajectory.T_world_cam @ noise)

@@ -11,7 +11,7 @@ import pytest
 
 @dataclass
 class BreakingServer:
-    """Serves `files` (by path); each of the next answers ends after so many bytes of `breaks`."""
+    """Serves `files` (by path); each of the next answers ends after the number of bytes in `breaks`."""
 
     files: dict[str, bytes]
     breaks: list[int] = field(default_factory=list)

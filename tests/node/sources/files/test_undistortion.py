@@ -77,7 +77,7 @@ def test_the_image_of_a_lens_becomes_that_of_a_pinhole(name):
     v, u = np.indices((480, 640))[:, *middle]
     drawn = np.stack([u, v], axis=-1).reshape(-1, 2).astype(float)
     pinhole = drawn.copy()  # the pinhole pixels that the lens puts at the pixels that are drawn
-    left = np.arange(len(drawn))  # those that have not converged
+    left = np.arange(len(drawn))  # pixels that have not converged
     for _ in range(15):
         off = drawn[left] - seen_by(camera, pinhole[left])
         pinhole[left] += 0.7 * off
