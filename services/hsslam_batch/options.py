@@ -188,8 +188,9 @@ class RunOptions:
 class ReportOptions:
     """Writes runs.parquet, a row a log; shows sums, costs, and the worst logs or, with --against, changes.
 
-    A log got worse if a value grew by more than --noise and by more than a minimum (ATE 0.5 mm, 1 lost frame,
-    5 s of core time, 100 MB), or if the value is missing now. Logs are compared by name.
+    A log got worse if a value grew by more than --noise and by more than a minimum (ATE 0.5 mm, mesh accuracy
+    1 mm, 1 % of the true mesh missing, 1 lost frame, 5 s of core time, 100 MB), or if the value is missing
+    now. Logs are compared by name.
 
     Exit codes: 0 if no log got worse, 1 if some did, 2 if the input is bad.
 

@@ -16,7 +16,7 @@ from hsslam_batch.plan.read_batch import mirrored_batch, read_batch
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import exit_code
 
-_UNAVAILABLE = 3
+_BAD_INPUT, _UNAVAILABLE = 2, 3
 
 
 def main() -> int:
@@ -32,14 +32,14 @@ def look_up(out: str, index: int, patience_s: float) -> tuple[Batch, Outcome | N
 
     Raises:
         UserError: the URL has no batch.
-        UnavailableError: the store fails.
+        UnavailableError: the store fails, or the process that asks it is killed.
     """
     command = [sys.executable, "-P", "-m", "hsslam_batch.attempt.look_up"]
     command += [out, str(index), str(patience_s)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode:
         words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        refusal = UnavailableError if done.returncode == _UNAVAILABLE else UserError
+        refusal = UserError if done.returncode == _BAD_INPUT else UnavailableError
         raise refusal(words[-1].removeprefix("error: "))
     return mirrored_batch(out, patience_s), msgspec.json.decode(done.stdout, type=Outcome | None)
 

@@ -175,7 +175,7 @@ def _frames(log: Log, options: SourceOptions) -> int:
         if log.kind == RECORDED:
             return len(options.selected(_logged_frames(Path(log.place))))
         return open_any_source(log.source, options).frame_count or 0
-    except (UserError, OSError):
+    except (UserError, OSError, *TORN):
         return 0  # the run will report the error
 
 

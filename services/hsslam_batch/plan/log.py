@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from hsslam_batch.plan.batch import MANIFEST
+from hsslam_batch.plan.batch import MANIFEST, UnavailableError
 from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
 
@@ -57,12 +57,16 @@ def read_manifest(out: Path) -> list[Log]:
 
     Raises:
         UserError: the manifest is missing or of another version.
+        UnavailableError: the disk does not give it.
     """
     path = out / MANIFEST
     try:
         return [Log(**row) for row in read_rows(path)]
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise UserError(f"{out}: no {MANIFEST}: expected a folder of hsslam-batch plan") from None
-    except (OSError, ValueError, TypeError) as error:
+    except OSError as error:
+        reason = str(error).splitlines()[0]
+        raise UnavailableError(f"{path}: {reason}: expected a disk that can be read") from None
+    except (ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: {reason}: expected a file of hsslam-batch plan") from None

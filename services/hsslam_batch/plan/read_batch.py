@@ -50,7 +50,7 @@ def _copy_plan(store: Store, folder: Path) -> None:
         for name in names:
             write_durably(folder / name, found[name])
     except OSError as error:
-        raise UserError(
+        raise UnavailableError(
             f"{folder}: {error.strerror}: expected a cache that can be written (XDG_CACHE_HOME)"
         ) from None
 
@@ -58,9 +58,13 @@ def _copy_plan(store: Store, folder: Path) -> None:
 def _batch_in(out: Path, url: str, patience_s: float) -> Batch:
     try:
         about = msgspec.json.decode((out / BATCH_FILE).read_bytes(), type=BatchFile)
-    except OSError as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise UserError(
             f"{out / BATCH_FILE}: {error.strerror}: expected a folder of hsslam-batch plan"
+        ) from None
+    except OSError as error:
+        raise UnavailableError(
+            f"{out / BATCH_FILE}: {error.strerror}: expected a disk that can be read"
         ) from None
     except msgspec.MsgspecError as error:
         raise UserError(

@@ -11,17 +11,26 @@ Row = Mapping[str, Any]  # of runs.parquet
 
 @dataclass(frozen=True)
 class Figure:
-    """A column to compare; less is better. Differences up to `least` are ignored."""
+    """A value of a row to compare; less is better. Differences up to `least` are ignored."""
 
     column: str
     title: str
-    scale: float  # from the column to the unit of the title
+    scale: float  # from the value to the unit of the title
     least: float
+    is_rest: bool = False  # the value is what the column, a share, lacks to 1
+
+    def value(self, row: Row) -> float | None:
+        """The value of a row; None if it is missing or not finite."""
+        found = row[self.column]
+        if found is None or not math.isfinite(found):
+            return None
+        return 1.0 - found if self.is_rest else found
 
 
 FIGURES = (
     Figure("ate_m", "ATE, cm", 1e2, 5e-4),
     Figure("mesh_accuracy_m", "mesh accuracy, cm", 1e2, 1e-3),
+    Figure("mesh_completion", "mesh missing, %", 1e2, 1e-2, is_rest=True),
     Figure("lost", "lost frames", 1.0, 1.0),
     Figure("core_s", "core time, s", 1.0, 5.0),
     Figure("memory_mb", "memory, MB", 1.0, 100.0),
@@ -69,11 +78,11 @@ def compare(before: Sequence[Row], after: Sequence[Row], noise: float) -> list[C
     earlier = {row["name"]: row for row in before if row["kind"] == "done"}
     changes = []
     for figure in FIGURES:
-        had = {n: old[figure.column] for n, old in earlier.items() if _is_known(old[figure.column])}
-        has = {row["name"]: row[figure.column] for row in after if row["kind"] == "done"}
+        had = {name: v for name, old in earlier.items() if (v := figure.value(old)) is not None}
+        has = {row["name"]: figure.value(row) for row in after if row["kind"] == "done"}
         both = [name for name in has if name in had]
-        pairs = [Pair(n, float(had[n]), float(has[n])) for n in both if _is_known(has[n])]
-        gone = [name for name in both if not _is_known(has[name])]
+        pairs = [Pair(n, float(had[n]), float(v)) for n in both if (v := has[n]) is not None]
+        gone = [name for name in both if has[name] is None]
         worse = [pair for pair in pairs if _is_beyond(pair.before, pair.after, figure, noise)]
         better = sum(_is_beyond(pair.after, pair.before, figure, noise) for pair in pairs)
         worse.sort(key=lambda pair: (-pair.ratio, pair.name))
@@ -87,14 +96,10 @@ def newly_failed(before: Sequence[Row], after: Sequence[Row]) -> list[Row]:
     return [row for row in after if row["kind"] != "done" and row["name"] in done]
 
 
-def worst(rows: Sequence[Row], figure: Figure, count: int) -> list[Row]:
-    """The logs with the largest values of a figure, without zeros and missing values."""
-    known = [row for row in rows if _is_known(row[figure.column]) and row[figure.column] > 0]
-    return sorted(known, key=lambda row: (-row[figure.column], row["name"]))[:count]
-
-
-def _is_known(value: float | None) -> bool:
-    return value is not None and math.isfinite(value)
+def worst(rows: Sequence[Row], figure: Figure, count: int) -> list[tuple[str, float]]:
+    """Names and values of the logs with the largest values of a figure, without zeros and missing values."""
+    known = [(row["name"], v) for row in rows if (v := figure.value(row)) is not None and v > 0]
+    return sorted(known, key=lambda pair: (-pair[1], pair[0]))[:count]
 
 
 def _is_beyond(small: float, large: float, figure: Figure, noise: float) -> bool:

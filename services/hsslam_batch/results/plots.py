@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 
-from hsslam_batch.results.comparison import FIGURES, Change, Row
+from hsslam_batch.results.comparison import FIGURES, Change, Figure, Row
 from hsslam_node.errors import UserError
 
 _DPI = 110
@@ -23,11 +23,7 @@ def draw(batches: Mapping[str, Sequence[Row]], folder: Path) -> list[Path]:
         UserError: no log is done, or the folder is not writable.
     """
     known = {
-        figure: {
-            name: found
-            for name, rows in batches.items()
-            if (found := [row[figure.column] for row in rows if _is_known(row, figure.column)])
-        }
+        figure: {name: found for name, rows in batches.items() if (found := _values(rows, figure))}
         for figure in FIGURES
     }
     drawn = {figure: found for figure, found in known.items() if found}
@@ -95,5 +91,6 @@ def _write(picture: Picture, folder: Path, name: str) -> Path:
     return folder / name
 
 
-def _is_known(row: Row, column: str) -> bool:
-    return row["kind"] == "done" and row[column] is not None and math.isfinite(row[column])
+def _values(rows: Sequence[Row], figure: Figure) -> list[float]:
+    done = [row for row in rows if row["kind"] == "done"]
+    return [value for row in done if (value := figure.value(row)) is not None]

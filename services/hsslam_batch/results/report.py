@@ -99,10 +99,7 @@ def _worst_logs(rows: Sequence[Row], count: int) -> Table:
     table = Table("figure", Column("worst logs", overflow="fold"))
     done = [row for row in rows if row["kind"] == "done"]
     for figure in FIGURES:
-        shown = [
-            f"{row['name']} {figure.scale * row[figure.column]:.4g}"
-            for row in worst(done, figure, count)
-        ]
+        shown = [f"{name} {figure.scale * value:.4g}" for name, value in worst(done, figure, count)]
         if shown:
             table.add_row(figure.title, "\n".join(shown))
     return table

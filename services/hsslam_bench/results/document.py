@@ -24,6 +24,7 @@ _BLOCK = re.compile(
     r"<!-- bench:(?P<kind>begin|rows|columns|summary)(?P<names>[^\n]*?) -->\n(?P<old>.*?)<!-- bench:end -->",
     re.DOTALL,
 )
+_MARKER = "<!-- bench:"
 _HEAD = ("name", "what", "bound", "measured", "")
 _MARKS = {"ok": "ok", "NOT MET": "**NOT MET**", "measured": "", "skipped": "", "not measured": ""}
 _SHOWN = 0.05  # lines whose values all round to 0.0 are left out
@@ -50,6 +51,8 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
 
     def renewed(block: re.Match) -> str:
         marker = block.group(0).partition("\n")[0]
+        if _MARKER in block["old"]:
+            raise UserError(f"--docs {name}: {marker}: expected {END} before the next marker")
         if block["kind"] == "summary":
             return "\n".join((marker, *_summary(newest), END))
         try:

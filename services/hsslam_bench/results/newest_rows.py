@@ -1,5 +1,6 @@
 """Finds the newest figure of each row in many result files, and keeps it in docs/figures."""
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,7 +74,7 @@ def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
     newest = NewestRows.of(sorted(reports, key=lambda found: found.time))
     after: list[Path] = []
     for found, rows in newest.by_report(newest.rows.values()):
-        after.append(folder / f"{found.time.replace(':', '')}.json")
+        after.append(_free_name(folder / f"{found.time.replace(':', '')}.json", after))
         write_report(after[-1], msgspec.structs.replace(found, rows=tuple(rows), runs=[]))
     for path in set(before) - set(after):
         try:
@@ -81,3 +82,9 @@ def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}: expected a file to replace") from None
     return sorted(after)
+
+
+def _free_name(path: Path, taken: Sequence[Path]) -> Path:
+    """The path, or with a number if it is taken: two benchmarks may begin in the same second."""
+    names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    return next(each for each in itertools.chain([path], names) if each not in taken)

@@ -58,7 +58,7 @@ def table_command(name: str, args: Sequence[str]) -> int:
         except KeyboardInterrupt:
             interrupted = True
     _print(table, plan, options, results, path, console)
-    return int(interrupted or any(result.error for result in results))
+    return int(interrupted or not results or any(result.error for result in results))
 
 
 def _measure(

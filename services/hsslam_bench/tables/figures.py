@@ -42,6 +42,7 @@ class Figure:
     mean: float
     deviation: float | None
     seeds: int
+    sequences: frozenset[str]  # over which it is the mean
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,8 @@ class MeasuredRow:
     row: PaperRow
     figures: Mapping[str, Figure]
     paper: Mapping[str, float]
-    note: str = ""  # what is missing
+    note: str  # what is missing
+    sequences: int  # that were measured; a figure may lack some of them
 
 
 def measured_rows(
@@ -64,13 +66,15 @@ def measured_rows(
     for row in rows:
         mine = [result for result in good if result.row == row.name]
         figures = {metric: _figure(mine, metric) for metric in table.metrics}
-        found.append(_measured(row, figures, method, _note(mine, seeds)))
+        of = good if table.mean is None else mine  # rows of the ablation share their sequences
+        sequences = len({result.sequence for result in of})
+        found.append(_measured(row, figures, method, _note(mine, seeds), sequences))
     if table.mean is not None:
         measured = {row.row.name for row in found if row.figures}
         of_rows = [result for result in good if result.row in measured]
         figures = {metric: _figure(of_rows, metric) for metric in table.metrics}
         note = "" if len(measured) == len(table.rows) else f"of {len(measured)}/{len(table.rows)}"
-        found.append(_measured(table.mean, figures, method, note))
+        found.append(_measured(table.mean, figures, method, note, len(measured)))
     return found
 
 
@@ -78,7 +82,7 @@ def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[s
     """A line for each row that is better than the full model but worse in the paper, or the reverse.
 
     No lines if the full model was not measured. Differences below one standard deviation (root of the sum of
-    both variances) and single seeds are ignored.
+    both variances), single seeds, and means over other seeds or sequences are ignored.
     """
     full = next((row for row in rows if row.row.name == "full"), None)
     if full is None or not full.figures:
@@ -110,10 +114,10 @@ def _note(results: Sequence[RunResult], seeds: set[int]) -> str:
 
 
 def _measured(
-    row: PaperRow, figures: Mapping[str, Figure | None], method: str, note: str
+    row: PaperRow, figures: Mapping[str, Figure | None], method: str, note: str, sequences: int
 ) -> MeasuredRow:
     present = {metric: figure for metric, figure in figures.items() if figure is not None}
-    return MeasuredRow(row, present, row.paper.get(method, {}), note)
+    return MeasuredRow(row, present, row.paper.get(method, {}), note, sequences)
 
 
 def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
@@ -130,7 +134,8 @@ def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
     if not means:
         return None
     deviation = statistics.stdev(means) if len(means) > 1 else None
-    return Figure(statistics.fmean(means), deviation, len(means))
+    sequences = frozenset(sequence for _, sequence in places)
+    return Figure(statistics.fmean(means), deviation, len(means), sequences)
 
 
 def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
@@ -138,7 +143,7 @@ def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
     a, b = full.figures.get(metric), other.figures.get(metric)
     if a is None or b is None or a.deviation is None or b.deviation is None:
         return 0.0
-    if a.seeds != b.seeds:  # one seed may be harder than the others
+    if (a.seeds, a.sequences) != (b.seeds, b.sequences):  # one may be harder than the others
         return 0.0
     better = (b.mean - a.mean) * _sign(metric)
     return better if abs(better) > math.hypot(a.deviation, b.deviation) else 0.0
@@ -206,7 +211,10 @@ def _ours(row: MeasuredRow, metric: str) -> str:
         return "-"
     digits = _HEADS[metric][1]
     text = f"{figure.mean:.{digits}f}"
-    return text if figure.deviation is None else f"{text} ± {figure.deviation:.{digits}f}"
+    if figure.deviation is not None:
+        text += f" ± {figure.deviation:.{digits}f}"
+    count = len(figure.sequences)
+    return text if count == row.sequences else f"{text}, of {count}/{row.sequences}"
 
 
 def _paper(row: MeasuredRow, metric: str) -> str:

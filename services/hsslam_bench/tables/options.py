@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 
 import msgspec
 
+from hsslam_bench.options import expect_json
 from hsslam_bench.tables.paper_tables import TWICE, Override
 from hsslam_node.config import SlamConfig
 from hsslam_node.environment import BENCH_DATA, DATA
@@ -84,6 +85,7 @@ class TableOptions:
             raise UserError(f"--seeds {' '.join(map(str, self.seeds))}: expected numbers from 0")
         if self.show and self.rescore:
             raise UserError("--show --rescore: expected only one of these options")
+        expect_json(self.out)
 
     @property
     def protocol(self) -> str:

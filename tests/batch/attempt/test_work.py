@@ -187,6 +187,26 @@ def test_a_machine_without_a_kernel_cache_is_not_the_fault_of_the_log(batch: Bat
     assert settled(batch, read_manifest(batch.out)[1].id) is None
 
 
+def test_a_machine_without_a_cache_for_the_plan_is_not_the_fault_of_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "file").touch()
+    write_small_log(tmp_path / "logs" / "good")
+    with object_store() as (address, _):
+        reach(address, monkeypatch)
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        plan_command([str(tmp_path / "logs"), "--out", f"s3://{BUCKET}/out"])
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+        done = subprocess.run(
+            [sys.executable, "-m", "hsslam_batch", "work", f"s3://{BUCKET}/out", "--index", "0"],
+            capture_output=True,
+            text=True,
+            timeout=_LONG_S,
+        )
+    assert done.returncode == 3, done.stderr
+    assert "expected a cache that can be written" in done.stderr and done.stderr.count("\n") == 1
+
+
 def test_a_machine_without_shared_memory_is_not_the_fault_of_the_log(batch: Batch):
     """It may be tried again, here once other runs have ended or elsewhere."""
     log = read_manifest(batch.out)[1]

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from hsslam_batch.plan.find_logs import find_logs, with_frames
 from hsslam_batch.plan.listing import list_folder
@@ -124,10 +125,17 @@ def test_a_file_that_changes_changes_the_id_whatever_the_others_are(recordings: 
 
 def test_frames_are_those_that_the_options_select(recordings: Path):
     (recordings / "bad.mcap").write_bytes(b"no log")
+    with (recordings / "foreign.mcap").open("wb") as stream:  # its index does not name its channels
+        writer = Writer(stream, repeat_channels=False)
+        writer.start()
+        channel = writer.register_channel("robot/in/frame", "", 0)
+        writer.add_message(channel, 0, b"", 0)
+        writer.finish()
     found = with_frames(_found(recordings, recordings / "batch"), SourceOptions(stride=2))
     frames = {log.name: log.frames for log in found}
     assert frames == {
         "bad.mcap": 0,
+        "foreign.mcap": 0,
         "day1/walk": 2,  # of two parts of two frames each
         "day2/desk": 3,
         "day2/room": 2,

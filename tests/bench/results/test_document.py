@@ -65,6 +65,19 @@ def test_only_the_newest_figure_of_a_row_is_kept(tmp_path: Path):
     assert keep(folder, [second]) == sorted(folder.iterdir())  # older than what is there
 
 
+def test_results_that_began_in_the_same_second_are_all_kept(tmp_path: Path):
+    found = [
+        stored(tmp_path / f"{name}.json", row_of(name, "measured")) for name in ("memory", "budget")
+    ]
+    for path in found:
+        write_report(path, msgspec.structs.replace(read_report(path), time="2026-01-02T03:04:05Z"))
+    kept = keep(tmp_path / "figures", found)
+    assert [path.name for path in kept] == ["2026-01-02T030405Z-2.json", "2026-01-02T030405Z.json"]
+    names = {row.name for path in kept for row in read_report(path).rows}
+    assert names == {"memory", "budget"}
+    assert keep(tmp_path / "figures", []) == kept
+
+
 def test_document_holds_what_was_measured_last(tmp_path: Path):
     document = tmp_path / "results.md"
     document.write_text(f"before\n{BEGIN}\nan earlier table\n{END}\nafter\n")
@@ -104,6 +117,11 @@ def test_line_ends_stay_and_other_text_is_refused(tmp_path: Path):
     document.write_bytes(b"\xff\xfe" + text)
     with pytest.raises(UserError, match=r"--docs .*results\.md: is not UTF-8: expected a document"):
         fill_document(document, [found])
+    document.write_text(f"{BEGIN}\nold\nwords\n{BEGIN}\nold\n{END}\n")  # the first has no end
+    before = document.read_text()
+    with pytest.raises(UserError, match=r"results\.md: .*: expected .* before the next marker"):
+        fill_document(document, [found])
+    assert document.read_text() == before
     document.write_text(f"<!-- bench:rows nope -->\nold\n{END}\n")
     with pytest.raises(UserError, match=r"results\.md: <!-- bench:rows nope -->: .*nope"):
         fill_document(document, [found])

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hsslam_bench.tables.figures import disagreements, measured_rows
+from hsslam_bench.tables.figures import disagreements, markdown_table, measured_rows
 from hsslam_bench.tables.paper_tables import ABLATION, TUM
 from hsslam_bench.tables.plan import RunResult
 
@@ -91,3 +91,27 @@ def test_only_differences_beyond_the_deviation_disagree():
     (full, a) = rows((1.9, 2.1), (1.0, 1.2), "ate_cm")
     assert disagreements([a, full], ABLATION.metrics) != []  # in any order
     assert disagreements([a, a], ABLATION.metrics) == []  # the full model was not asked for
+
+
+def test_means_over_other_sequences_are_marked_and_not_compared():
+    """(A) fails on kitchen, where the error is larger."""
+    results = [
+        _result("full", seed, sequence, ate_cm=value + 0.01 * seed)
+        for seed in (0, 1)
+        for sequence, value in (("house", 0.9), ("kitchen", 2.6))
+    ]
+    results += [_result("A", seed, ate_cm=0.91 + 0.01 * seed) for seed in (0, 1)]
+    results += [_result("A", seed, "kitchen", error="lost") for seed in (0, 1)]
+    rows = measured_rows(ABLATION, [FULL, A], results, "HS-SLAM")
+    full, a = markdown_table(rows, ABLATION.metrics).splitlines()[2:]
+    assert "1.755 ± 0.007 (0.528)" in full
+    assert "0.915 ± 0.007, of 1/2 (1.073)" in a
+    assert disagreements(rows, ABLATION.metrics) == []
+
+
+def test_a_scene_without_a_mesh_is_marked_in_the_mean():
+    results = [_result(name, 0, name, ate_cm=1.0) for name in ("fr1/desk", "fr2/xyz")]
+    results[0].values["lost"] = 2.0
+    mean = measured_rows(TUM, TUM.rows, results, "Co-SLAM")[-1]
+    (line,) = markdown_table([mean], ["ate_cm", "lost"]).splitlines()[2:]
+    assert "| 1.000 (2.598) | 2.0, of 1/2 |" in line

@@ -65,7 +65,7 @@ def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: 
 
 @pytest.mark.parametrize("table", ["replica", "tum", "scannet", "ablation"])
 def test_what_is_not_on_disk_is_skipped_and_told(table, tmp_path, capsys):
-    assert table_command(table, ["--data", str(tmp_path), "--out", str(tmp_path / "o.json")]) == 0
+    assert table_command(table, ["--data", str(tmp_path), "--out", str(tmp_path / "o.json")]) == 1
     told = capsys.readouterr().out
     assert (
         told.count("is not on disk") == {"replica": 8, "tum": 3, "scannet": 6, "ablation": 1}[table]
