@@ -85,8 +85,8 @@ def grid_map(
     """The cells of a map, or of what is known now, whose grid has z up and the floor at z = 0.
 
     A cell is occupied if a voxel over it is, of the layers that begin from `low_m` to `high_m` above the
-    floor; it is free if no voxel is occupied and a third or more are known to be free. Cells are as wide as
-    voxels.
+    floor; it is free if no voxel is occupied and a third or more are known to be free. Layers outside the
+    grid are unknown and count too, unless a height is infinite. Cells are as wide as voxels.
 
     Raises:
         UserError: no voxel lies between the two heights.
@@ -109,7 +109,8 @@ def grid_map(
     free, occupied = np.zeros(over.shape[1:], np.int32), np.zeros(over.shape[1:], np.uint8)
     look_down(np.ascontiguousarray(over), free, occupied)
     cells = np.full(free.shape, CELL_UNKNOWN, np.int8)
-    cells[free >= _FREE_SHARE * len(over)] = CELL_FREE
+    asked = layers[1] - layers[0]
+    cells[free >= _FREE_SHARE * (asked if np.isfinite(asked) else len(over))] = CELL_FREE
     cells[occupied != 0] = CELL_OCCUPIED
     x, y = grid.low[:2]
     return GridMap(cells, grid.voxel_m, (float(x), float(y)), space.T_grid_world)

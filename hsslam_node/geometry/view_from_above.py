@@ -2,11 +2,20 @@
 
 import numpy as np
 
+_CANCELLED = 0.3  # length of a mean of unit vectors that point everywhere
+
 
 def mean_up(T_world_cam: np.ndarray) -> np.ndarray:
-    """The direction against gravity [3] for a hand-held camera: the mean image up of poses [N, 4, 4]."""
-    up = -T_world_cam[:, :3, 1].mean(axis=0)
-    return up / np.linalg.norm(up)
+    """The direction against gravity [3] for a hand-held camera: the mean image up of poses [N, 4, 4].
+
+    If these cancel out, as of a camera that looks straight down and turns, it is against the mean viewing
+    direction.
+    """
+    up, ahead = -T_world_cam[:, :3, 1].mean(axis=0), mean_ahead(T_world_cam)
+    if np.linalg.norm(up) < _CANCELLED < np.linalg.norm(ahead):
+        up = -ahead
+    length = np.linalg.norm(up)
+    return up / length if length > 0 else -T_world_cam[0, :3, 1]
 
 
 def mean_ahead(T_world_cam: np.ndarray) -> np.ndarray:

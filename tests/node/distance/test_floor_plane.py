@@ -4,6 +4,7 @@ import pytest
 from hsslam_node.distance.floor_plane import FloorPlane, find_floor
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.geometry.se3 import se3_exp
 from tests.node.distance.conftest import wall
 from tests.small_room import OPTIONS, room_frames, room_poses
 
@@ -46,8 +47,17 @@ def test_without_a_floor_up_is_as_the_cameras_are_held(camera):
     assert np.allclose(floor.up, [0, -1, 0])
     assert floor.height_m == pytest.approx(-0.73, abs=0.02)  # the lowest that was seen
     assert not floor.is_seen and floor.text.endswith(
-        f"no floor seen: the lowest measured points, at {floor.height_m:.2f} m along it, stand for it"
+        "no floor seen within 40 degrees of it: the lowest measured points, "
+        f"at {floor.height_m:.2f} m along it, stand for it"
     )
+
+
+def test_the_floor_under_a_camera_that_looks_straight_down_and_turns_is_found(camera):
+    turned = [se3_exp(np.array([0, 0, 0, 0, 0, angle])) for angle in np.linspace(0, 2 * np.pi, 9)]
+    floor = find_floor([(wall(2.0), T) for T in turned[:-1]], camera)
+    assert floor.source == "floor plane" and floor.is_seen
+    assert np.allclose(floor.up, [0, 0, -1], atol=1e-6)
+    assert floor.height_m == pytest.approx(-2.0, abs=1e-3)
 
 
 def test_depth_too_far_for_a_floor_is_passed_over(camera):

@@ -55,6 +55,9 @@ def test_a_cell_of_which_little_was_seen_is_unknown(distances):
     x, y = GRID.centres(np.array([[25, 10, 0]]))[0, :2]
     assert grid_map(seen, 0.15, 1.6).cells_at(np.array([(x, y)])).tolist() == [-1]
     assert grid_map(seen, 0.15, 0.9).cells_at(np.array([(x, y)])).tolist() == [0]
+    low = VoxelGrid(GRID.voxel_m, GRID.first, (*GRID.shape[:2], 12))  # a grid that ends 0.9 m up
+    of_low = DistanceMap(low, distances.distance_m[..., :12], states[..., :12])
+    assert grid_map(of_low, 0.15, 1.6).cells_at(np.array([(x, y)])).tolist() == [-1]
 
 
 def test_distances_on_the_floor(distances):

@@ -97,6 +97,8 @@ def _panel(surface: _Surface, path: Trajectory, up: np.ndarray, elevation_deg: f
     R = looking_down(up, mean_ahead(path.T_world_cam), np.deg2rad(elevation_deg)).T  # world to view
     eye = (low + high) / 2 - _AWAY * float(np.linalg.norm(high - low)) * R[2]
     is_front = ((eye - points) * surface.normals).sum(axis=1) > 0
+    if not is_front.any():  # nothing but a ceiling
+        is_front[:] = True
     (seen, z), (line, _) = (_project(p, R, eye) for p in (points[is_front], path.positions))
     low, high = np.percentile(seen, (0.1, 99.9), axis=0)
     low, high = np.minimum(low, line.min(axis=0)), np.maximum(high, line.max(axis=0))

@@ -56,6 +56,15 @@ def test_it_shows_the_room_from_behind_the_camera_without_ceiling_and_near_wall(
     assert _share(at_an_angle, BEHIND) < 1e-4
 
 
+def test_a_run_that_saw_nothing_but_the_ceiling_has_a_picture_of_it(run_dir: Path):
+    mesh = trimesh.load_mesh(run_dir / "mesh.ply", process=False)
+    mesh.update_faces(mesh.face_normals[:, 1] > 0.9)  # towards the floor
+    mesh.export(run_dir / "mesh.ply")
+    image = cv2.imread(str(draw_run(run_dir)))
+    assert image is not None
+    assert _share(image, CEILING) > 0.1
+
+
 def test_a_run_without_a_mesh_is_refused(tmp_path: Path):
     with pytest.raises(UserError, match=r"mesh\.ply: does not exist: expected a finished run"):
         draw_run(tmp_path)
