@@ -1,7 +1,7 @@
 """Sends the frames of a recording on the sensor's clock, unaffected by changes of the wall clock."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from hsslam_node.frame import Frame
 from hsslam_proto import topics
@@ -31,7 +31,7 @@ class Realtime:
     waits at most 1 s (or three periods of a slow sensor). Frames with the same stamp, as of a clock of whole
     seconds, come `period_s` apart. It reports gaps, steps back and repeated stamps. A source that is
     slower than its sensor leaves out frames, so that the others come in time; if the source cannot leave
-    them out, its clock is set back once it is 1 s behind.
+    them out, its clock is set back once it is 1 s behind. `map_epoch()` is the number of resets of the map.
     """
 
     def __init__(
@@ -41,6 +41,7 @@ class Realtime:
         progress: CameraProgress,
         clock_scale: float,
         sensors: RobotSensors,
+        map_epoch: Callable[[], int],
         period_s: float = 1 / 30,
     ) -> None:
         self._worker = worker
@@ -57,6 +58,7 @@ class Realtime:
         self._maps = worker.bus.subscribe(topics.MAP, 1)
         self._poses = worker.bus.subscribe(topics.POSE, 8)
         self._peers = Peers(worker.bus)
+        self._map_epoch = map_epoch
 
     def wait_for_peers(self) -> None:
         """Wait until tracker, mapper and recorder take work, unless the clock runs already."""
@@ -116,7 +118,10 @@ class Realtime:
         self._frames.put(message)
         sent_s = time.monotonic()
         answered_s: float | None = None
+        epoch = self._map_epoch()
         while not self._worker.should_stop():
+            if self._map_epoch() != epoch:
+                return  # the tracker knows this frame: the next one begins the new map
             has_map = self._maps.wait(_POLL_S) is not None
             name = publisher, frame.index
             status = {p.status for p in self._poses.drain() if (p.publisher, p.index) == name}

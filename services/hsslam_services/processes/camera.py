@@ -91,6 +91,7 @@ def _run(worker: Worker) -> None:
     # in lockstep, a dropped frame would block the run: wait for a congested link instead
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace
+    mode = MapState(worker.run.arena_dir)
     warn = worker.warn_once
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic, progress.publisher)
@@ -114,9 +115,10 @@ def _run(worker: Worker) -> None:
             progress,
             scale,
             RobotSensors.heard(worker.bus, options, warn),
+            lambda: mode.map_epoch,
             period_s,
         )
-    pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
+    pause = PauseListener(worker)
     last_frame, first_bad, unread_in_row = LastFrame(worker), "", 0
     skipped = SkippedFrames(lambda text: worker.event("warning", text))
     map_epoch = mode.map_epoch

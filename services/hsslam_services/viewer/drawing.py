@@ -52,8 +52,9 @@ class NextFile:
 class Drawing(threading.Thread):
     """Draws a queue of messages into one recording stream.
 
-    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once. A message that
-    cannot be drawn counts as dropped; `report` gets the first of them.
+    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once. If a file
+    cannot be opened, as on a full disk, messages count as dropped until the next file. A message that cannot
+    be drawn counts as dropped; `report` gets the first of them.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Drawing(threading.Thread):
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
+        self._is_open = True
         self._is_refusal_reported = False
         self._drawn_s = math.inf  # nothing drawn yet
         self._report, self._watch = report, watch
@@ -84,7 +86,7 @@ class Drawing(threading.Thread):
         )
         self._sink = sink
         if watch is None:
-            self._begin()
+            self._open_first()
         self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
 
@@ -96,12 +98,15 @@ class Drawing(threading.Thread):
             return
         is_frame = isinstance(message, messages.Frame)
         with self._arrival:
+            if not (self._is_open or isinstance(message, NextFile)):
+                self.dropped += 1
+                return
             if is_frame:
                 self._frames.append(message)
                 overflow = len(self._frames) > _FRAMES_WAITING and self._frames.popleft()
             else:
                 self._others.append(message)
-                overflow = len(self._others) > _OTHERS_WAITING and self._others.popleft()
+                overflow = len(self._others) > _OTHERS_WAITING and self._drop_oldest()
             self.dropped += bool(overflow)
             self._arrival.notify()
         if overflow and self._watch is not None and time.monotonic() - self._drawn_s > _STUCK_S:
@@ -152,6 +157,22 @@ class Drawing(threading.Thread):
         """Whether the run ended some seconds ago: after a short run the viewer may still start."""
         return time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
+    def _drop_oldest(self) -> bool:
+        """Drop the oldest message, but no mark of a new file."""
+        oldest = self._others.popleft()
+        if isinstance(oldest, NextFile):
+            self._others.popleft()
+            self._others.appendleft(oldest)
+        return True
+
+    def _open_first(self) -> None:
+        try:
+            self._begin()
+        except RuntimeError as error:
+            self._is_open = False
+            why = on_one_line(str(error))
+            self._report("warning", f"rerun: {why}: no recording until the next part of the log")
+
     def _begin(self) -> None:
         self._drawn_s = time.monotonic()
         self._stream.set_sinks(self._sink, default_blueprint=blueprint())
@@ -162,8 +183,10 @@ class Drawing(threading.Thread):
         try:
             self._stream.set_sinks(rr.FileSink(rrd), default_blueprint=blueprint())
         except RuntimeError as error:
-            self._report("warning", f"{rrd}: {error}; the recording goes on in the previous file")
+            why = "; the recording goes on in the previous file" if self._is_open else ""
+            self._report("warning", f"{rrd}: {error}{why}")
             return
+        self._is_open = True
         self._scene.begin_file()
 
     def _next(self) -> Message | NextFile | None:

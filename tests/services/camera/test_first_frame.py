@@ -28,12 +28,12 @@ _BEAT_S = 0.1
 
 
 class _Others:
-    """Tracker and recorder of a run, as the camera hears them: the tracker answers each frame."""
+    """Tracker and recorder of a run, as the camera hears them: the tracker answers each frame, or none."""
 
-    def __init__(self, bus: Bus, deaf_to: int, has_log: bool) -> None:
+    def __init__(self, bus: Bus, deaf_to: int, has_log: bool, answers: bool) -> None:
         self._frames, self._poses = bus.subscribe(topics.FRAME, 8), bus.publisher(topics.POSE)
         self._health = bus.publisher(topics.HEALTH)
-        self._deaf_to, self._has_log = deaf_to, has_log
+        self._deaf_to, self._has_log, self._answers = deaf_to, has_log, answers
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self.sent = 0
@@ -47,7 +47,8 @@ class _Others:
         while not self._stop.is_set():
             if (frame := self._frames.wait(_BEAT_S)) is not None:
                 self.sent += 1
-                self._poses.put(msgspec.structs.replace(pose(0), publisher=frame.publisher))
+                if self._answers:
+                    self._poses.put(msgspec.structs.replace(pose(0), publisher=frame.publisher))
             self._beat("tracker", self.sent)
             self._beat("recorder", max(self.sent - self._deaf_to, 0) if self._has_log else None)
 
@@ -58,12 +59,15 @@ class _Others:
 
 @pytest.fixture
 def sent() -> Iterator[Any]:
-    """Sends the first frame to a tracker, and a recorder that is deaf to some frames: how often, seconds."""
+    """Sends the first frame to a tracker, and a recorder that is deaf to some frames: how often, seconds.
+
+    If no frame is answered, the map is reset once the tracker has it.
+    """
     endpoint = free_endpoint()
     router = open_router(endpoint)
     with Bus(endpoint, "r", "camera") as bus, Bus(endpoint, "r", "other") as other:
 
-        def send(deaf_to: int, has_log: bool = True) -> tuple[int, float]:
+        def send(deaf_to: int, has_log: bool = True, is_answered: bool = True) -> tuple[int, float]:
             stop = threading.Event()
             worker = SimpleNamespace(
                 bus=bus, counters={}, count=lambda name: None, stop_event=lambda: stop,
@@ -72,13 +76,14 @@ def sent() -> Iterator[Any]:
             progress = CameraProgress(publisher=7)
             sensors = RobotSensors.heard(bus, ServeOptions())
             frames = bus.publisher(topics.FRAME, block=True)
-            pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors)
-            others = _Others(other, deaf_to, has_log)
+            others = _Others(other, deaf_to, has_log, is_answered)
+            resets = (lambda: 0) if is_answered else (lambda: others.sent)
+            pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors, resets)
             try:
                 time.sleep(5 * _BEAT_S)  # the camera hears heartbeats before it sends
                 begin_s = time.monotonic()
                 pace.send(_FRAME)
-                assert progress.pinned_ns
+                assert bool(progress.pinned_ns) == is_answered
                 return others.sent, time.monotonic() - begin_s
             finally:
                 others.close()
@@ -100,4 +105,9 @@ def test_a_recorder_that_never_hears_it_does_not_stop_the_run(sent):
 @pytest.mark.parametrize("has_log", [True, False])
 def test_a_first_frame_that_all_get_is_sent_once(sent, has_log):
     times, seconds = sent(deaf_to=0, has_log=has_log)
+    assert times == 1 and seconds < 2
+
+
+def test_after_a_reset_no_answer_to_a_frame_of_the_map_before_is_awaited(sent):
+    times, seconds = sent(deaf_to=0, is_answered=False)
     assert times == 1 and seconds < 2

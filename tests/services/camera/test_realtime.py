@@ -66,7 +66,7 @@ def paced() -> Iterator[Callable[[list[float]], tuple[list[FrameMessage], list[s
         sensors = RobotSensors.heard(bus, ServeOptions())
         frames = bus.publisher(topics.FRAME, block=True)
         until(frames.has_subscribers)
-        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors)
+        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors, lambda: 0)
 
         def send(stamps_s: list[float]) -> Any:
             progress.pinned_ns = time.monotonic_ns() - round(stamps_s[0] * 1e9)
@@ -162,7 +162,9 @@ def played() -> Iterator[Callable[[_SlowSource], list[tuple[Any, float]]]]:
             event=lambda level, text: None, should_stop=stop.is_set,
         )  # fmt: skip
         frames = bus.publisher(topics.FRAME)
-        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors, 1 / _RATE_HZ)
+        pace = Realtime(
+            cast(Worker, worker), frames, progress, 1.0, sensors, lambda: 0, 1 / _RATE_HZ
+        )
 
         def play(source: _SlowSource) -> list[tuple[Any, float]]:
             progress.pinned_ns, progress.last_source_ns = time.monotonic_ns(), -1

@@ -3,6 +3,8 @@
 import pytest
 
 from hsslam_node.presets import PRESETS
+from hsslam_proto.requests import RESET, SAVE
+from hsslam_services.disk.disk_work import STEP_S
 from hsslam_services.launch.process_table import (
     MAP_SAVER,
     PROCESSES,
@@ -13,6 +15,11 @@ from hsslam_services.launch.process_table import (
 from hsslam_services.run.options import ServeOptions
 
 _AN_HOUR = 30 * 3600  # frames
+
+
+def test_a_client_waits_as_long_as_the_savers_for_its_request_may_take():
+    assert one_shot_timeout_s(MAP_SAVER, 0) + STEP_S < SAVE.takes_s
+    assert one_shot_timeout_s(TRAJECTORY_SAVER, 24 * _AN_HOUR) + STEP_S < RESET.takes_s
 
 
 @pytest.mark.parametrize("hours", [1, 24, 7 * 24])

@@ -164,6 +164,36 @@ def test_a_file_that_cannot_be_written_is_reported_and_the_file_before_goes_on(t
     assert rrd_rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100
 
 
+def test_without_a_first_file_the_recording_begins_with_the_next_one(tmp_path):
+    """As on a disk that is full at the start of a recorder: the log goes on, so this must not end it."""
+    events = []
+    view = RerunView(
+        tmp_path / "gone" / "run.rrd", "none", "run-1", lambda *event: events.append(event)
+    )
+    [(level, text)] = events
+    assert level == "warning" and text.endswith("no recording until the next part of the log")
+    view.show(frame(0))
+    assert view.dropped == 1
+    view.write_to(tmp_path / "run.1.rrd")
+    view.show(frame(1))
+    view.close()
+    rrd("verify", tmp_path / "run.1.rrd")
+    assert "EncodedImage:blob" in rrd("print", "-vvv", tmp_path / "run.1.rrd")
+    assert len(events) == 1
+
+
+def test_messages_that_are_dropped_take_no_mark_of_a_new_file_with_them(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    (drawing,) = view._threads
+    with drawing._arrival:  # it draws nothing meanwhile
+        view.write_to(tmp_path / "run.1.rrd")
+        for _ in range(5000):
+            view.show(pose(0))
+    view.close()
+    assert view.dropped > 0
+    rrd("verify", tmp_path / "run.1.rrd")
+
+
 def test_show_does_not_wait_for_the_drawing(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     large = frame(0, compressed=False, width_px=1920, height_px=1080)
