@@ -72,7 +72,8 @@ class Drawing(threading.Thread):
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
-        self._is_open = True
+        self._has_file = True  # or a viewer
+        self._takes_messages = True  # else they have nowhere to go
         self._is_refusal_reported = False
         self._drawn_s = math.inf  # nothing drawn yet
         self._report, self._watch = report, watch
@@ -91,6 +92,11 @@ class Drawing(threading.Thread):
         self.start()
 
     def put(self, message: Message | NextFile) -> None:
+        if isinstance(message, NextFile):
+            self._takes_messages = True
+        elif not self._takes_messages:
+            self.dropped += 1
+            return
         if self._gone or not self._is_due(message):
             return
         if isinstance(message, MeshBlocks):
@@ -98,9 +104,6 @@ class Drawing(threading.Thread):
             return
         is_frame = isinstance(message, messages.Frame)
         with self._arrival:
-            if not (self._is_open or isinstance(message, NextFile)):
-                self.dropped += 1
-                return
             if is_frame:
                 self._frames.append(message)
                 overflow = len(self._frames) > _FRAMES_WAITING and self._frames.popleft()
@@ -169,7 +172,7 @@ class Drawing(threading.Thread):
         try:
             self._begin()
         except RuntimeError as error:
-            self._is_open = False
+            self._has_file = self._takes_messages = False
             why = on_one_line(str(error))
             self._report("warning", f"rerun: {why}: no recording until the next part of the log")
 
@@ -183,10 +186,11 @@ class Drawing(threading.Thread):
         try:
             self._stream.set_sinks(rr.FileSink(rrd), default_blueprint=blueprint())
         except RuntimeError as error:
-            why = "; the recording goes on in the previous file" if self._is_open else ""
+            self._takes_messages = self._has_file
+            why = "; the recording goes on in the previous file" if self._has_file else ""
             self._report("warning", f"{rrd}: {error}{why}")
             return
-        self._is_open = True
+        self._has_file = True
         self._scene.begin_file()
 
     def _next(self) -> Message | NextFile | None:
