@@ -28,41 +28,48 @@ class ChosenViews(NamedTuple):
     gain: np.ndarray  # [views, 3] float64: factor of red, green and blue that makes views alike
 
 
-def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
-    """Choose the best keyframe for each triangle of faces [F, 3], among those that see it.
+def choose_views(faces: np.ndarray, seen: list[FaceViews]) -> ChosenViews:
+    """Choose the best keyframe for each triangle of faces [F, 3], among those that see it; empties `seen`.
 
     The score counts the pixels that the triangle covers, the sharpness of the image compared with others of
     the same triangles, the penalties above, and neighbours with the same keyframe, for few visible borders.
     """
-    view = np.repeat(np.arange(len(seen)), [len(one.faces) for one in seen])
+    views = len(seen)
+    view = np.repeat(np.arange(views, dtype=np.int32), [len(one.faces) for one in seen])
     face, area_px, is_doubtful, color, detail = map(np.concatenate, zip(*seen, strict=True))
+    seen.clear()  # there may be gigabytes of them
     burnt = color.max(axis=1) > _BRIGHTEST
     lit = ~burnt & (color.min(axis=1) > _DARKEST)
     exposure = np.stack(
-        [view_levels(face[lit], view[lit], np.log(color[lit, k]), len(seen)) for k in range(3)], 1
+        [view_levels(face[lit], view[lit], np.log(color[lit, k]), views) for k in range(3)], 1
     )
     most = np.zeros(len(faces), np.float32)
     np.maximum.at(most, face, detail)
     clear = most[face] > _LEAST_DETAIL
-    sharpness = view_levels(face[clear], view[clear], np.log(detail[clear] + _NOISE), len(seen))
+    sharpness = view_levels(face[clear], view[clear], np.log(detail[clear] + _NOISE), views)
     gain = np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN))
     score = np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _DOUBT * is_doubtful
-    score -= _BURNT * burnt + _strangeness(face, color * gain[view], len(faces))
+    score -= _BURNT * burnt + _strangeness(face, view, color, gain, len(faces))
     order = np.lexsort((view, face))
     first = np.searchsorted(face[order], np.arange(len(faces) + 1))
     chosen = _choose(first, view[order], score[order].astype(np.float64), neighbours(faces))
     return ChosenViews(chosen, gain)
 
 
-def _strangeness(face: np.ndarray, color: np.ndarray, faces: int) -> np.ndarray:
-    """Penalty [n] for a colour [n, 3] that differs from the mean colour of its face.
+def _strangeness(
+    face: np.ndarray, view: np.ndarray, color: np.ndarray, gain: np.ndarray, faces: int
+) -> np.ndarray:
+    """Penalty [n] for a colour [n, 3], times the gain of its view, that differs from the mean of its face.
 
     Few keyframes show a reflection, or an object in front of the surface that depth missed.
     """
     count = np.maximum(np.bincount(face, minlength=faces), 1)
-    mean = np.stack([np.bincount(face, color[:, k], faces) / count for k in range(3)], axis=1)
-    far = np.linalg.norm(color - mean[face], axis=1) / _STRANGE
-    return np.minimum(far, _MOST_STRANGE)
+    squares = np.zeros(len(face))
+    for channel in range(3):  # one after the other, as n may be 50 millions
+        made_alike = color[:, channel] * gain[view, channel]
+        made_alike -= (np.bincount(face, made_alike, faces) / count)[face]
+        squares += np.square(made_alike, out=made_alike)
+    return np.minimum(np.sqrt(squares) / _STRANGE, _MOST_STRANGE)
 
 
 def neighbours(faces: np.ndarray) -> np.ndarray:
