@@ -58,8 +58,8 @@ class FloorPlane:
         at = f"at {self.height_m:.2f} m along it"
         if self.is_seen:
             return f"{up}; the floor {at}"
-        beside = " within 40 degrees of it" if self.source == "camera poses" else ""
-        return f"{up}; no floor seen{beside}: the lowest measured points, {at}, stand for it"
+        near = " whose normal is within 40 degrees of it" if self.source == "camera poses" else ""
+        return f"{up}; no floor seen{near}: the lowest measured points, {at}, stand for it"
 
     def tilt_against(self, seen: "FloorPlane") -> str | None:
         """For people: that `up` is not the direction up of a floor that was seen; None: it is, or the floor
@@ -130,7 +130,8 @@ def find_floor(
     Normals of the depth images that lie near the cameras' mean up agree on a direction. The floor is the
     lowest height at which many such points lie; it is fitted by least squares. Without a floor, as with
     depth too sparse for normals, up is the cameras' mean up, and the floor the lowest that was seen. A camera
-    that looks down by more than 40 degrees and does not turn needs `up`: its floor could be a wall.
+    that looks down by more than 40 degrees and does not turn needs `up`: its floor cannot be told from a
+    wall; so does one that looks straight up and turns: its ceiling is taken for the floor.
 
     Args:
         views: depth [H, W] float32 m and T_world_cam [4, 4] of each.

@@ -85,8 +85,8 @@ def grid_map(
     """The cells of a map, or of what is known now, whose grid has z up and the floor at z = 0.
 
     A cell is occupied if a voxel over it is, of the layers that begin from `low_m` to `high_m` above the
-    floor; it is free if no voxel is occupied and a third or more are known to be free. Layers outside the
-    grid are unknown and count too, unless a height is infinite. Cells are as wide as voxels.
+    floor; it is free if no voxel is occupied and a third or more are known to be free. The third is of all
+    layers between the two heights; if one is infinite, of the grid's layers. Cells are as wide as voxels.
 
     Raises:
         UserError: no voxel lies between the two heights.

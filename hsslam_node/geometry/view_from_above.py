@@ -2,14 +2,14 @@
 
 import numpy as np
 
-_CANCELLED = 0.3  # length of a mean of unit vectors that point everywhere
+_CANCELLED = 0.3  # a mean of unit vectors that is shorter has no direction
 
 
 def mean_up(T_world_cam: np.ndarray) -> np.ndarray:
     """The direction against gravity [3] for a hand-held camera: the mean image up of poses [N, 4, 4].
 
-    If these cancel out, as of a camera that looks straight down and turns, it is against the mean viewing
-    direction.
+    If these cancel out, the camera looks straight down or up and turns; it is taken to look down, and up is
+    against its mean viewing direction.
     """
     up, ahead = -T_world_cam[:, :3, 1].mean(axis=0), mean_ahead(T_world_cam)
     if np.linalg.norm(up) < _CANCELLED < np.linalg.norm(ahead):

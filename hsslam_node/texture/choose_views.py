@@ -1,6 +1,5 @@
 """Chooses the keyframe that each triangle takes its colours from."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np

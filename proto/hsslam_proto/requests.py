@@ -76,7 +76,7 @@ SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "save the map under a name"
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "pause the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "resume the camera")
 SET_MODE = _row("set-mode", r.SetMode, r.Done, 8 * _KIB, "mapping, or localise-only: the map stays")
-RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "discard the map and start a new one", 400.0)
+RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "discard the map and start a new one", 600.0)
 STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
 
 REQUESTS: tuple[Request, ...] = (

@@ -64,9 +64,10 @@ def read_manifest(out: Path) -> list[Log]:
         return [Log(**row) for row in read_rows(path)]
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(f"{out}: no {MANIFEST}: expected a folder of hsslam-batch plan") from None
-    except OSError as error:
+    except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
-        raise UnavailableError(f"{path}: {reason}: expected a disk that can be read") from None
-    except (ValueError, TypeError) as error:
-        reason = str(error).splitlines()[0]
+        if (
+            isinstance(error, OSError) and error.errno is not None
+        ):  # pyarrow has none for bad content
+            raise UnavailableError(f"{path}: {reason}: expected a disk that can be read") from None
         raise UserError(f"{path}: {reason}: expected a file of hsslam-batch plan") from None

@@ -214,7 +214,7 @@ def _ours(row: MeasuredRow, metric: str) -> str:
     if figure.deviation is not None:
         text += f" ± {figure.deviation:.{digits}f}"
     count = len(figure.sequences)
-    return text if count == row.sequences else f"{text}, of {count}/{row.sequences}"
+    return text if count == row.sequences else f"{text}, {count} of {row.sequences} sequences"
 
 
 def _paper(row: MeasuredRow, metric: str) -> str:

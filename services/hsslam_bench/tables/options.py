@@ -34,8 +34,8 @@ class TableOptions:
     The command reports and skips sequences that are not on disk. It keeps results in the file for this
     commit and configuration.
 
-    Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
-    bad.
+    Exit codes: 0 if the table is measured, 1 if a run failed, there is no result or the command is
+    interrupted, 2 if the input is bad.
 
     Raises:
         UserError: an option has a bad value.

@@ -31,7 +31,8 @@ class Realtime:
     waits at most 1 s (or three periods of a slow sensor). Frames with the same stamp, as of a clock of whole
     seconds, come `period_s` apart. It reports gaps, steps back and repeated stamps. A source that is
     slower than its sensor leaves out frames, so that the others come in time; if the source cannot leave
-    them out, its clock is set back once it is 1 s behind. `map_epoch()` is the number of resets of the map.
+    them out, its clock is set back once it is 1 s behind. `map_epoch()` gives the number of resets of the
+    map; after a reset, no answer to a frame that was sent before it is awaited.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Realtime:
         self._maps = worker.bus.subscribe(topics.MAP, 1)
         self._poses = worker.bus.subscribe(topics.POSE, 8)
         self._peers = Peers(worker.bus)
-        self._map_epoch = map_epoch
+        self._map_epoch, self._epoch = map_epoch, map_epoch()
 
     def wait_for_peers(self) -> None:
         """Wait until tracker, mapper and recorder take work, unless the clock runs already."""
@@ -106,6 +107,7 @@ class Realtime:
     def begin_map_epoch(self) -> None:
         """After a reset of the map, the clock stands still until there is a new map."""
         self._progress.pinned_ns = 0
+        self._epoch = self._map_epoch()
         self._maps.drain()
         self._peers.restarted()  # forget earlier restarts
 
@@ -118,9 +120,8 @@ class Realtime:
         self._frames.put(message)
         sent_s = time.monotonic()
         answered_s: float | None = None
-        epoch = self._map_epoch()
         while not self._worker.should_stop():
-            if self._map_epoch() != epoch:
+            if self._map_epoch() != self._epoch:
                 return  # the tracker knows this frame: the next one begins the new map
             has_map = self._maps.wait(_POLL_S) is not None
             name = publisher, frame.index

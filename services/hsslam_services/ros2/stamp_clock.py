@@ -16,7 +16,8 @@ class StampClock:
     def __init__(self) -> None:
         self._knots: list[tuple[int, int]] = []  # source stamps and offsets
         self._newest = (0, 0)  # the line from the last knot ends here
-        self._slopes = (-math.inf, math.inf)  # of lines from the last knot past all frames since
+        # least and greatest slope of a line from the last knot that is within 5 ms of every frame since
+        self._slopes = (-math.inf, math.inf)
         # the greatest source stamp, also if the source's clock was set back
         self._latest_ns = -(2**63)
 
@@ -26,18 +27,22 @@ class StampClock:
         if not self._knots:
             self._knots.append(frame)
         elif not self._continues(frame):
-            self._add_knot(self._newest)
-            if not self._continues(frame):  # the source's clock was set back
+            if self._newest[0] > self._knots[-1][0]:
+                self._add_knot(self._newest)
+            if not self._continues(frame):  # the source's clock was set back, or repeats a stamp
                 self._add_knot(frame)
         self._narrow(frame)
         self._newest = frame
         self._latest_ns = max(self._latest_ns, source_ns)
 
     def _continues(self, frame: tuple[int, int]) -> bool:
-        """Whether the line from the last knot to this frame passes all frames since."""
+        """Whether the line from the last knot to this frame is within 5 ms of all frames between."""
         (first_ns, offset_ns), (least, most) = self._knots[-1], self._slopes
         run_ns = frame[0] - first_ns
-        return run_ns > 0 and least <= (frame[1] - offset_ns) / run_ns <= most
+        rise_ns = frame[1] - offset_ns
+        if run_ns == 0:
+            return abs(rise_ns) <= _TOLERANCE_NS
+        return run_ns > 0 and least <= rise_ns / run_ns <= most
 
     def _narrow(self, frame: tuple[int, int]) -> None:
         (first_ns, offset_ns), (least, most) = self._knots[-1], self._slopes

@@ -52,9 +52,10 @@ class NextFile:
 class Drawing(threading.Thread):
     """Draws a queue of messages into one recording stream.
 
-    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once. If a file
-    cannot be opened, as on a full disk, messages count as dropped until the next file. A message that cannot
-    be drawn counts as dropped; `report` gets the first of them.
+    If there is a `watch`, the thread waits until the live viewer starts; a file opens at once. If the first
+    file cannot be opened, as on a full disk, messages count as dropped until the next file, which lacks what
+    they would have drawn; if a later file cannot be, the recording goes on in the file before. A message that
+    cannot be drawn counts as dropped; `report` gets the first of them.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class Drawing(threading.Thread):
             why = "; the recording goes on in the previous file" if self._has_file else ""
             self._report("warning", f"{rrd}: {error}{why}")
             return
-        self._has_file = True
+        self._has_file = self._takes_messages = True
         self._scene.begin_file()
 
     def _next(self) -> Message | NextFile | None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hsslam_batch.attempt.serve_log import serve_command
+from hsslam_batch.plan.batch import MANIFEST, UnavailableError
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import read_manifest
@@ -253,3 +254,23 @@ def test_folders_that_are_none(tmp_path: Path):
         read_manifest(tmp_path)
     with pytest.raises(UserError, match=r"nowhere: no manifest.parquet"):
         read_manifest(tmp_path / "nowhere")
+
+
+def test_a_damaged_manifest_is_bad_input_and_one_that_the_disk_does_not_give_is_not(
+    logs: Path, tmp_path: Path
+):
+    """A link to itself stands for a disk that fails: both give an error of the system."""
+    batch = _plan(logs, tmp_path / "out")
+    path = batch.out / MANIFEST
+    content = bytearray(path.read_bytes())
+    content[-60:-8] = 52 * b"\xff"  # the description of the columns
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="expected a file of hsslam-batch plan") as damaged:
+        read_manifest(batch.out)
+    assert not isinstance(damaged.value, UnavailableError)
+    path.unlink()
+    with pytest.raises(UserError, match="expected a folder of hsslam-batch plan"):
+        read_manifest(batch.out)
+    path.symlink_to(path)  # too many levels
+    with pytest.raises(UnavailableError, match="expected a disk that can be read"):
+        read_manifest(batch.out)

@@ -105,7 +105,7 @@ def test_means_over_other_sequences_are_marked_and_not_compared():
     rows = measured_rows(ABLATION, [FULL, A], results, "HS-SLAM")
     full, a = markdown_table(rows, ABLATION.metrics).splitlines()[2:]
     assert "1.755 ± 0.007 (0.528)" in full
-    assert "0.915 ± 0.007, of 1/2 (1.073)" in a
+    assert "0.915 ± 0.007, 1 of 2 sequences (1.073)" in a
     assert disagreements(rows, ABLATION.metrics) == []
 
 
@@ -114,4 +114,4 @@ def test_a_scene_without_a_mesh_is_marked_in_the_mean():
     results[0].values["lost"] = 2.0
     mean = measured_rows(TUM, TUM.rows, results, "Co-SLAM")[-1]
     (line,) = markdown_table([mean], ["ate_cm", "lost"]).splitlines()[2:]
-    assert "| 1.000 (2.598) | 2.0, of 1/2 |" in line
+    assert "| 1.000 (2.598) | 2.0, 1 of 2 sequences |" in line

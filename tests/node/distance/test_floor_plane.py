@@ -47,7 +47,7 @@ def test_without_a_floor_up_is_as_the_cameras_are_held(camera):
     assert np.allclose(floor.up, [0, -1, 0])
     assert floor.height_m == pytest.approx(-0.73, abs=0.02)  # the lowest that was seen
     assert not floor.is_seen and floor.text.endswith(
-        "no floor seen within 40 degrees of it: the lowest measured points, "
+        "no floor seen whose normal is within 40 degrees of it: the lowest measured points, "
         f"at {floor.height_m:.2f} m along it, stand for it"
     )
 

@@ -17,7 +17,8 @@ from hsslam_services.run.options import ServeOptions
 _AN_HOUR = 30 * 3600  # frames
 
 
-def test_a_client_waits_as_long_as_the_savers_for_its_request_may_take():
+def test_a_client_waits_longer_than_the_savers_for_its_request_may_take():
+    """For a reset of a run of a day; old processes end and new ones start beside."""
     assert one_shot_timeout_s(MAP_SAVER, 0) + STEP_S < SAVE.takes_s
     assert one_shot_timeout_s(TRAJECTORY_SAVER, 24 * _AN_HOUR) + STEP_S < RESET.takes_s
 
