@@ -18,6 +18,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import REALTIME
+from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
@@ -30,6 +31,12 @@ SMALL = replace(
     field=FieldConfig(plane_channels=16, hash_table_log2=13),
     keyframes=replace(REALTIME.keyframes, capacity=128),
     bound=BoundConfig(margin=1.3, least_m=3.0, most_m=8.0),
+)
+
+# to track by rendering: with the 3 samples a ray of the mapper, too few lie off the surface
+RENDERED = replace(
+    SMALL,
+    sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
 )
 
 TINY_FIELD = FieldConfig(  # for Triton's interpreter

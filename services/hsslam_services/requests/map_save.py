@@ -35,7 +35,7 @@ class MapSaving:
         self._arena_dir = Path(run.arena_dir)
         self._spawn = spawn
         self._timeout_s, self._deadline_s = timeout_s, 0.0
-        self._asked: PendingRequest | None = None
+        self._asked: list[PendingRequest] = []  # the same request, all answered alike
         self._process: Process | None = None
         self._result: Future[ProcessResult] | None = None  # once the process has ended
 
@@ -44,14 +44,21 @@ class MapSaving:
         return self._process is not None
 
     def ask(self, asked: PendingRequest) -> None:
-        """Start to save the map under a name; refused during another save."""
+        """Start to save the map under a name; refused during another save.
+
+        The same request during its save gets the same answer: a busy zenoh sends a request twice.
+        """
+        if self._asked and asked.message == self._asked[0].message:
+            self._asked.append(asked)
+            return
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")
             return
         try:
             self._disk.do(lambda: clear_result(self._run.path, process_name(MAP_SAVER)))
             write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
-            self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
+            self._process = self._spawn(MAP_SAVER, self._run.path)
+            self._asked = [asked]
             self._deadline_s = time.monotonic() + self._timeout_s
         except OSError as error:
             asked.refuse("failed", f"save: {not_started(error)}")
@@ -63,7 +70,7 @@ class MapSaving:
         code = self._process.poll()
         if code is not None:
             self._ended(code)
-        elif self._asked is not None and time.monotonic() > self._deadline_s:
+        elif self._asked and time.monotonic() > self._deadline_s:
             self._process.kill()
             self._refuse(f"not done after {self._timeout_s:g} s: killed")
 
@@ -81,9 +88,9 @@ class MapSaving:
         else:
             return
         self._process, self._result = None, None
-        if code == 0 and result.answer and self._asked is not None:
-            self._asked.answer(msgspec.convert(result.answer, SavedMap))
-            self._asked = None
+        if code == 0 and result.answer:
+            while self._asked:
+                self._asked.pop().answer(msgspec.convert(result.answer, SavedMap))
         else:
             self._refuse(last_error(result, self._run.path, MAP_SAVER))
 
@@ -96,7 +103,6 @@ class MapSaving:
         self._refuse("the run has ended")
 
     def _refuse(self, why: str) -> None:
-        """Refuse the waiting request, if any."""
-        if self._asked is not None:
-            self._asked.refuse("failed", f"save: {why}")
-            self._asked = None
+        """Refuse the waiting requests, if any."""
+        while self._asked:
+            self._asked.pop().refuse("failed", f"save: {why}")

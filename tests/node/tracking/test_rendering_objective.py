@@ -8,19 +8,19 @@ import pytest
 from hsslam_node.geometry.se3 import moved_about_camera
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_objective import RenderingObjective
-from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black
+from tests.small_room import RENDERED, displaced, map_view, room_frames, room_poses, with_black
 
 K = 14  # frame
 
 
 @pytest.fixture(scope="module")
 def view() -> MapView:
-    return map_view()
+    return map_view(RENDERED)
 
 
 def _objective(view, frame=None, **options) -> RenderingObjective:
     options = {"pixels": 500, "fresh_pixels": False, "border": 0.02, **options}
-    config = replace(SMALL, rendering_tracker=replace(SMALL.rendering_tracker, **options))
+    config = replace(RENDERED, rendering_tracker=replace(RENDERED.rendering_tracker, **options))
     objective = RenderingObjective(config, 0)
     objective.observe(frame or room_frames()[K], view)
     return objective
@@ -76,9 +76,12 @@ def test_outliers_have_neither_loss_nor_gradient(view):
     assert change(outlier_factor=0.0) > 3.0
     assert 0.7 < change(outlier_factor=3.0) < 1.4
     objective = _objective(view, spoilt, outlier_factor=3.0)
-    _, gradient = objective(T)
-    slope = _slope(objective, T)
-    assert np.linalg.norm(gradient - slope) < 0.2 * np.linalg.norm(slope)
+    errors = []
+    for seed in range(5):  # a ray that becomes an outlier within a step spoils a slope
+        T = displaced(room_poses()[K], 0.01, 0.5, seed)
+        slope = _slope(objective, T)
+        errors.append(np.linalg.norm(objective(T)[1] - slope) / np.linalg.norm(slope))
+    assert np.median(errors) < 0.2
 
 
 def test_pixels_stay_or_are_drawn_anew(view):

@@ -15,7 +15,7 @@ from hsslam_node.tracking.rendering_objective import RenderingObjective, descend
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import (
-    SMALL,
+    RENDERED,
     displaced,
     map_view,
     pose_error,
@@ -25,8 +25,8 @@ from tests.small_room import (
 )
 
 CONFIG = replace(
-    SMALL,
-    tracker=replace(SMALL.tracker, method="rendering"),
+    RENDERED,
+    tracker=replace(RENDERED.tracker, method="rendering"),
     rendering_tracker=RenderingTrackerConfig(
         pixels=800, iterations=15, border=0.02, fresh_pixels=False
     ),
@@ -35,7 +35,7 @@ CONFIG = replace(
 
 @pytest.fixture(scope="module")
 def view() -> MapView:
-    return map_view()
+    return map_view(RENDERED)
 
 
 def _tracker(config=CONFIG) -> tuple[RenderingTracker, KeyframeStore]:
@@ -53,7 +53,7 @@ def _is_right(result, limit_m: float = 0.01) -> bool:
 @pytest.mark.parametrize("k", [5, 14, 26])
 def test_a_frame_displaced_by_two_centimetres_and_one_degree_comes_back(view, k):
     config = RenderingTrackerConfig(pixels=500, iterations=60, border=0.02, fresh_pixels=False)
-    objective = RenderingObjective(replace(SMALL, rendering_tracker=config), 0)
+    objective = RenderingObjective(replace(RENDERED, rendering_tracker=config), 0)
     objective.observe(room_frames()[k], view)
     start = displaced(room_poses()[k], 0.02, 1.0, seed=k)
     T = descend(objective, start, config)
@@ -138,4 +138,4 @@ def test_a_restarted_tracker_goes_on_from_the_newest_keyframe(view):
 def test_the_configuration_chooses_the_tracker():
     _, store = _tracker()
     assert isinstance(open_tracker(CONFIG, store, 0), RenderingTracker)
-    assert isinstance(open_tracker(SMALL, store, 0), Tracker)
+    assert isinstance(open_tracker(RENDERED, store, 0), Tracker)

@@ -81,6 +81,37 @@ def test_a_client_is_told_of_a_saved_map_though_the_disk_is_slow(run_info: RunIn
         assert told.result(30) == saved
 
 
+def test_the_same_request_during_its_save_gets_the_same_answer(run_info: RunInfo):
+    """A busy zenoh may send a request twice; another request is refused."""
+    saved = SavedMap(name="kitchen", path="maps/kitchen", nbytes=7, keyframes=9)
+    saves: list[subprocess.Popen] = []
+
+    def spawn(*_: object) -> subprocess.Popen:
+        saves.append(subprocess.Popen(["cat"], stdin=subprocess.PIPE))
+        return saves[-1]
+
+    with (
+        Bus(run_info.endpoint, run_info.robot, "supervisor") as bus,
+        ThreadPoolExecutor(3) as clients,
+    ):
+        requests, saving = bus.requests(), MapSaving(run_info, spawn)
+        told = []
+        for name in ("kitchen", "kitchen", "hall"):
+            told.append(clients.submit(_answer, run_info, name))
+            while (asked := requests.poll()) is None:
+                time.sleep(0.005)
+            saving.ask(asked)
+        with pytest.raises(RefusedError, match="another map is being saved"):
+            told.pop().result(30)
+        write_result(run_info.path, "map_saver", ProcessResult(answer=msgspec.to_builtins(saved)))
+        saves[0].communicate()
+        while saving.is_busy:
+            saving.tick()
+            time.sleep(0.005)
+        assert [each.result(30) for each in told] == [saved, saved]
+    assert len(saves) == 1
+
+
 def _refusal(run: RunInfo) -> str:
     try:
         _answer(run)
@@ -89,9 +120,9 @@ def _refusal(run: RunInfo) -> str:
     return ""
 
 
-def _answer(run: RunInfo) -> object:
+def _answer(run: RunInfo, name: str = "kitchen") -> object:
     while True:
         try:
-            return ask(run.endpoint, run.robot, SAVE, SaveMap(name="kitchen"))
+            return ask(run.endpoint, run.robot, SAVE, SaveMap(name=name))
         except NoServiceError:  # the router knows the gateway a moment later
             continue
