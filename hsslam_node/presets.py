@@ -20,7 +20,8 @@ PresetName = Literal["realtime", "paper", "eslam", "co-slam"]
 PAPER: Final = SlamConfig()
 
 # Strong SDF terms, for tracking against the map, and few samples on many rays: as many points on half the
-# rays give a larger error of the field and a worse mesh (docs/experiments.md).
+# rays give a larger error of the field and a worse mesh (docs/experiments.md). Tracking by rendering, which
+# this preset does not use, needs more samples a ray.
 REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
