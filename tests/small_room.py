@@ -33,7 +33,7 @@ SMALL = replace(
     bound=BoundConfig(margin=1.3, least_m=3.0, most_m=8.0),
 )
 
-# to track by rendering: with the 3 samples a ray of the mapper, too few lie off the surface
+# to track by rendering: of 3 samples a ray, too few lie off the surface
 RENDERED = replace(
     SMALL,
     sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
@@ -74,9 +74,9 @@ def room_poses() -> np.ndarray:
 
 
 def mapped_room(config: SlamConfig = SMALL) -> MappedRoom:
-    """A copy of its own of the map after 200 iterations."""
+    """A copy of its own of the map after 200 iterations of SMALL, with the samples of `config`."""
     arrays = MemoryAllocator()
-    for name, array in _trained().items():
+    for name, array in _trained(config.sampling).items():
         arrays.create(name, array.shape, array.dtype)[...] = array
     parameters = FieldParameters(arrays, config.field)
     return MappedRoom(config, KeyframeStore(arrays), parameters, arrays)
@@ -128,20 +128,21 @@ def _untrained(config: SlamConfig, arrays: MemoryAllocator) -> MappedRoom:
 
 
 @cache
-def _trained() -> dict[str, np.ndarray]:
+def _trained(sampling: SamplingPattern) -> dict[str, np.ndarray]:
     """The arrays of the trained map; one worker trains it for all that run tests in parallel."""
     if (folder := folder_of_workers()) is None:
-        return _train()
-    path = folder / "trained_room.npz"
+        return _train(sampling)
+    samples = f"{sampling.free_samples}_{sampling.surface_samples}_{sampling.surface_reach}"
+    path = folder / f"trained_room_{samples}.npz"
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():
-            np.savez_compressed(path, allow_pickle=False, **_train())
+            np.savez_compressed(path, allow_pickle=False, **_train(sampling))
     with np.load(path) as arrays:
         return dict(arrays)
 
 
-def _train() -> dict[str, np.ndarray]:
+def _train(sampling: SamplingPattern) -> dict[str, np.ndarray]:
     names: list[str] = []
 
     class Recorder(MemoryAllocator):
@@ -151,7 +152,7 @@ def _train() -> dict[str, np.ndarray]:
 
     arrays = Recorder()
     room = _untrained(SMALL, arrays)
-    mapper = Mapper(SMALL, room.parameters, 0)
+    mapper = Mapper(replace(SMALL, sampling=sampling), room.parameters, 0)
     for _ in range(200):
         mapper.iterate(room.store)
     room.parameters.publish()

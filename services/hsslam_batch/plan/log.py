@@ -66,8 +66,7 @@ def read_manifest(out: Path) -> list[Log]:
         raise UserError(f"{out}: no {MANIFEST}: expected a folder of hsslam-batch plan") from None
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
-        if (
-            isinstance(error, OSError) and error.errno is not None
-        ):  # pyarrow has none for bad content
+        # pyarrow gives no errno if the content is bad
+        if isinstance(error, OSError) and error.errno is not None:
             raise UnavailableError(f"{path}: {reason}: expected a disk that can be read") from None
         raise UserError(f"{path}: {reason}: expected a file of hsslam-batch plan") from None

@@ -107,11 +107,13 @@ class Drawing(threading.Thread):
         with self._arrival:
             if is_frame:
                 self._frames.append(message)
-                overflow = len(self._frames) > _FRAMES_WAITING and self._frames.popleft()
+                if overflow := len(self._frames) > _FRAMES_WAITING:
+                    self._frames.popleft()
             else:
                 self._others.append(message)
-                overflow = len(self._others) > _OTHERS_WAITING and self._drop_oldest()
-            self.dropped += bool(overflow)
+                if overflow := len(self._others) > _OTHERS_WAITING:
+                    self._drop_oldest()
+            self.dropped += overflow
             self._arrival.notify()
         if overflow and self._watch is not None and time.monotonic() - self._drawn_s > _STUCK_S:
             self._watch.takes_nothing()  # the SDK waits for it
@@ -161,13 +163,9 @@ class Drawing(threading.Thread):
         """Whether the run ended some seconds ago: after a short run the viewer may still start."""
         return time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
-    def _drop_oldest(self) -> bool:
+    def _drop_oldest(self) -> None:
         """Drop the oldest message, but no mark of a new file."""
-        oldest = self._others.popleft()
-        if isinstance(oldest, NextFile):
-            self._others.popleft()
-            self._others.appendleft(oldest)
-        return True
+        del self._others[next(i for i, m in enumerate(self._others) if not isinstance(m, NextFile))]
 
     def _open_first(self) -> None:
         try:

@@ -76,12 +76,9 @@ def test_outliers_have_neither_loss_nor_gradient(view):
     assert change(outlier_factor=0.0) > 3.0
     assert 0.7 < change(outlier_factor=3.0) < 1.4
     objective = _objective(view, spoilt, outlier_factor=3.0)
-    errors = []
-    for seed in range(5):  # a ray that becomes an outlier within a step spoils a slope
-        T = displaced(room_poses()[K], 0.01, 0.5, seed)
-        slope = _slope(objective, T)
-        errors.append(np.linalg.norm(objective(T)[1] - slope) / np.linalg.norm(slope))
-    assert np.median(errors) < 0.2
+    _, gradient = objective(T)
+    slope = _slope(objective, T)
+    assert np.linalg.norm(gradient - slope) < 0.2 * np.linalg.norm(slope)
 
 
 def test_pixels_stay_or_are_drawn_anew(view):

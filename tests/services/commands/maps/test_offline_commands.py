@@ -115,7 +115,7 @@ def test_colours_of_the_keyframes_are_nearer_to_the_frame_than_those_of_the_fiel
         render_command.main([str(mapped_run), *words])
         image = cv2.cvtColor(cv2.imread(str(out / "000000.png")), cv2.COLOR_BGR2RGB)
         errors.append(np.abs(image.astype(int) - room_frames()[6].color).mean())
-    assert errors[0] < 0.9 * errors[1]
+    assert errors[0] < 0.9 * errors[1] and errors[0] < 2.4  # levels of 255; the field has 2.8
 
 
 def test_a_video_that_the_disk_does_not_take_is_refused_and_the_older_one_stays(
