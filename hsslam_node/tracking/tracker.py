@@ -260,8 +260,9 @@ class Tracker:
         frame = seen.frame
         covariance = self._reckoned.add(reckoning, sees=True)
         with self._store.appending():
-            version = self._store.pose_version
-            T_last = self._motion.T_world_last
+            last = self._motion.last
+            T_world_key, version = self._store.pose_at(last.keyframe)
+            T_last = T_world_key @ last.T_keyframe_cam
             T = Reckoning.after(T_last, reckoning.motion).T_world_cam
             gap = self._reckoned.gap_at(T_last, T)
             if self._aligner.take_untracked():

@@ -51,6 +51,19 @@ def name_stamp_ns(stem: str) -> int | None:
         return None
 
 
+def unpadded_stamps_ns(stems: list[str]) -> list[int] | None:
+    """Times in file names that have seconds and nanoseconds without leading zeros, ns.
+
+    `1700000000_5000000` is 5 ms after the second. None: a name has no such time, or the numbers of
+    nanoseconds are all of 9 digits or all shorter, as numbers with leading zeros or of microseconds are.
+    """
+    found = [re.search(r"(?<!\d)(\d{10})[_-](0|[1-9]\d{0,8})(?!\d)", stem) for stem in stems]
+    times = [both.groups() for both in found if both]
+    if len(times) < len(stems) or len({len(ns) == 9 for _, ns in times}) < 2:
+        return None
+    return [int(s) * 1_000_000_000 + int(ns) for s, ns in times]
+
+
 def _is_since_1970(number: str) -> bool:
     whole, _, fraction = number.partition(".")
     is_seconds = len(whole) == _SECONDS_DIGITS and whole[0] != "0" and bool(fraction)

@@ -12,7 +12,11 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import associate
 from hsslam_node.sources.download.tum_archive import data_folders
 from hsslam_node.sources.files.image_pairs import ImagePair, are_too_fast, report_left_out
-from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
+from hsslam_node.sources.files.name_stamp import (
+    name_number,
+    name_stamp_ns,
+    unpadded_stamps_ns,
+)
 from hsslam_node.sources.files.record_times import read_times
 from hsslam_node.sources.options.source import RecordOptions
 from hsslam_node.sources.reports import Report, Reports
@@ -133,7 +137,10 @@ class RecordFolder:
 
 def _name_stamps(files: list[Path]) -> list[int] | None:
     """The stamps in all names, ns; None if one has none, or if they are closer than those of cameras."""
-    stamps_ns = _all(name_stamp_ns, files)
+    unpadded = unpadded_stamps_ns([path.stem for path in files])
+    if unpadded and len(set(unpadded)) < len(files):
+        unpadded = None
+    stamps_ns = unpadded or _all(name_stamp_ns, files)
     return stamps_ns if stamps_ns and not are_too_fast(sorted(stamps_ns)) else None
 
 

@@ -44,6 +44,7 @@ _TO_RGB = {
     "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
     "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB,
 }
+_OF_MOSAIC = {name: code for name, code in _TO_RGB.items() if name.startswith("bayer_")}
 _CHANNELS = {
     **dict.fromkeys(("rgb8", "bgr8", "8UC3"), 3),
     **dict.fromkeys(("rgba8", "bgra8", "8UC4"), 4),
@@ -93,7 +94,7 @@ class RawImage:
             BadImageError: another encoding, or the data do not fit.
         """
         if self.is_compressed:
-            return decode_color(self.data.tobytes(), f"image in format {self.encoding!r}")
+            return self._compressed_color()
         if self.encoding == "mono16":
             grey = (self._pixels(np.dtype(np.uint16), 1) >> 8).astype(np.uint8)
             return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), np.uint8)
@@ -112,6 +113,14 @@ class RawImage:
             raise BadImageError(
                 f"{self.encoding} of {self.width_px}x{self.height_px} pixels: expected an even width"
             ) from None
+
+    def _compressed_color(self) -> np.ndarray:
+        """Colour [H, W, 3] uint8 RGB of a JPEG or PNG, also of one that has the mosaic of a Bayer image."""
+        rgb = decode_color(self.data.tobytes(), f"image in format {self.encoding!r}")
+        code = _OF_MOSAIC.get(self.encoding.split(";")[0].strip())
+        if code is None or not (rgb == rgb[..., :1]).all():
+            return rgb
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb[..., 0]), code), np.uint8)
 
     def depth(self, units_per_m: float | None = None) -> tuple[np.ndarray, float]:
         """Depth [H, W] uint16 (0 = no measurement), and its units per metre.

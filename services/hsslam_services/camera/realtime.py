@@ -102,11 +102,13 @@ class Realtime:
         """Shift the sensor's clock: it stood still for `seconds`. True: so the next frame is not too old."""
         if self._progress.pinned_ns:
             self._progress.pinned_ns += round(1e9 * seconds)
+            if self._last_due_ns:
+                self._last_due_ns += round(1e9 * seconds)
         return True
 
     def begin_map_epoch(self) -> None:
         """After a reset of the map, the clock stands still until there is a new map."""
-        self._progress.pinned_ns = 0
+        self._progress.pinned_ns = self._last_due_ns = 0
         self._epoch = self._map_epoch()
         self._maps.drain()
         self._peers.restarted()  # forget earlier restarts

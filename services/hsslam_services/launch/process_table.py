@@ -84,6 +84,8 @@ MAP_SAVER = "hsslam_services.processes.map_saver"
 TRAJECTORY_SAVER = "hsslam_services.processes.trajectory_saver"
 FINAL_MAP_SAVER = "hsslam_services.processes.final_map_saver"
 MESH_SAVER = "hsslam_services.processes.mesh_saver"
+_WAITS_FOR_ROS2 = 2  # `--ros2.timeout-s`: for a router, and for images
+_OPENING_S = 60.0  # of a live camera, beside these waits
 _READING_TIMEOUT_S = 4 * 3600.0  # of a bag or log of a terabyte, which is read once
 ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     WARM_UP: 600.0,
@@ -202,7 +204,9 @@ def process_number(name: str) -> int:
 def processes_of(options: ServeOptions) -> list[ProcessSpec]:
     """The processes of a run with these options, with their time limits in it."""
     specs = [spec for spec in PROCESSES if spec.exists(options)]
-    if not is_live(options.source):
+    if is_live(options.source):
+        specs = [_of_live(spec, options) for spec in specs]
+    else:
         specs = [_of_recording(spec) for spec in specs]
     if options.slam.tracker.method == "alignment":
         return specs
@@ -210,6 +214,14 @@ def processes_of(options: ServeOptions) -> list[ProcessSpec]:
         replace(spec, stall_timeout_s=spec.rendering_stall_timeout_s or spec.stall_timeout_s)
         for spec in specs
     ]
+
+
+def _of_live(spec: ProcessSpec, options: ServeOptions) -> ProcessSpec:
+    """The process in a run of a live camera: while it starts, it may wait for a router and for images."""
+    if not spec.reads_source:
+        return spec
+    waits_s = _WAITS_FOR_ROS2 * options.ros2.timeout_s + _OPENING_S
+    return replace(spec, startup_timeout_s=max(spec.startup_timeout_s, waits_s))
 
 
 def _of_recording(spec: ProcessSpec) -> ProcessSpec:

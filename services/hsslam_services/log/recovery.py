@@ -63,12 +63,13 @@ def recover(path: Path) -> Recovered:
 
     If only the end is missing, writes it in place. If the file is damaged, replaces it by a copy with all
     intact records; the original stays as NAME.damaged.mcap beside it. Files of other programs stay as they
-    are.
+    are. A link stays, and the file that it names is recovered.
 
     Raises:
         UserError: another process writes the file, or it is of another program and unfinished or damaged.
         OSError: the file cannot be written, or there is no room for the copy (the original stays).
     """
+    path = path.resolve()
     with path.open("r+b") as stream:
         lock_log(stream, path)
         if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
@@ -245,7 +246,7 @@ def _copied(stream: IO[bytes], path: Path, survey: _Survey) -> Recovered:
             path.rename(original)
         copy.replace(path)
         sync_folder(path.parent)
-    except OSError:
+    except BaseException:  # Ctrl-C, too, leaves no copy
         copy.unlink(missing_ok=True)
         raise
     skipped = sum(gap.end - gap.position for gap in survey.damage)

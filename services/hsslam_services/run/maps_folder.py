@@ -56,8 +56,8 @@ def expect_map_name(name: str) -> None:
 
 
 def known_maps(folder: Path | str) -> list[str]:
-    """The names of all saved maps."""
-    return sorted(path.stem for path in user_path(folder).glob(f"*{_SUFFIX}"))
+    """The names of all saved maps; not those of maps that a saver still writes, which begin with a dot."""
+    return sorted(path.stem for path in user_path(folder).glob(f"[!.]*{_SUFFIX}"))
 
 
 def read_save_request(arena_dir: Path) -> SaveMap:

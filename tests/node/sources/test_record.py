@@ -83,6 +83,15 @@ def test_stamps_in_other_units(tmp_path, stems):
     assert stamps_of(source) == [1_700_000_000_123_000_000, 1_700_000_001_123_000_000]
 
 
+def test_stamps_in_names_without_leading_zeros(tmp_path):
+    """Such as f"{stamp.sec}_{stamp.nanosec}" writes them."""
+    ns = [600_000, 67_266_667, 133_933_333, 200_600_000]
+    names = [f"1700000000_{one}.png" for one in ns]
+    source = source_of(record(tmp_path, names, names))
+    assert numbers_of(source) == [(k, k) for k in range(4)]
+    assert stamps_of(source) == [1_700_000_000_000_000_000 + one for one in ns]
+
+
 def test_names_with_a_point_behind_a_word_are_numbered(tmp_path):
     names = [f"room1.{k:04d}.png" for k in range(3)]
     source = source_of(record(tmp_path, names, names[1:]), rate_hz=10)

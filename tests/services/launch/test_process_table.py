@@ -3,6 +3,7 @@
 import pytest
 
 from hsslam_node.presets import PRESETS
+from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_proto.requests import RESET, SAVE
 from hsslam_services.disk.disk_work import STEP_S
 from hsslam_services.launch.process_table import (
@@ -38,6 +39,16 @@ def test_a_tracker_by_rendering_may_take_longer_for_a_frame():
 
     assert stall_s("realtime") == 10
     assert stall_s("paper") == stall_s("co-slam") == 150
+
+
+def test_a_live_camera_may_start_for_as_long_as_it_waits_for_its_images():
+    def startup_s(timeout_s: float) -> float:
+        options = ServeOptions(source="ros2:/camera", ros2=Ros2Options(timeout_s=timeout_s))
+        (camera,) = [spec for spec in processes_of(options) if spec.reads_source]
+        return camera.startup_timeout_s
+
+    assert startup_s(10) == 300
+    assert startup_s(600) > 1200
 
 
 def test_only_what_a_run_needs_may_refuse_its_input():

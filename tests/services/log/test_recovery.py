@@ -3,6 +3,7 @@
 import fcntl
 import os
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from mcap.writer import Writer
 
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
+from hsslam_services.log import recovery
 from hsslam_services.log.channel_copies import CHANNELS, LIBRARY
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
@@ -111,6 +113,47 @@ def test_one_damaged_word_costs_one_chunk_and_the_original_stays(tmp_path):
         assert [record.metadata for record in reader.iter_metadata()] == [{"run_id": "x"}]
         attachments = [record for record in reader.iter_attachments() if record.name != CHANNELS]
     assert [(record.name, record.data) for record in attachments] == [("note.txt", b"a note")]
+
+
+def _damaged_log(path: Path) -> bytes:
+    log = McapLog(path, "robot")
+    for index in range(400):
+        log.write(topics.STEP, os.urandom(1000), index + 1, index + 1, index)
+        if index % 20 == 19:
+            log._flushed_s = 0.0
+            log.tick()
+    log._file.release()  # killed: no end
+    log._file.wait_until_closed()
+    content = bytearray(path.read_bytes())
+    content[len(content) // 4 : len(content) // 4 + 4] = bytes(4)
+    path.write_bytes(content)
+    return bytes(content)
+
+
+def test_a_log_is_recovered_through_a_link(tmp_path):
+    path, link = tmp_path / "run" / "run.mcap", tmp_path / "desk.mcap"
+    path.parent.mkdir()
+    content = _damaged_log(path)
+    link.symlink_to(path)
+    assert not recover(link).was_whole
+    assert link.is_symlink()
+    assert (path.parent / "run.damaged.mcap").read_bytes() == content
+    assert recover(path).was_whole
+
+
+def test_an_interrupted_recovery_leaves_only_the_log(tmp_path, monkeypatch):
+    path = tmp_path / "run.mcap"
+    content = _damaged_log(path)
+
+    def interrupted(stream, survey, out):
+        out.write(b"a part")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(recovery, "_copy", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        recover(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+    assert path.read_bytes() == content
 
 
 def test_a_file_that_only_lacks_its_end_gets_one_in_place(sample, tmp_path):

@@ -18,7 +18,7 @@ from hsslam_node.user_path import user_path
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import restamped
 from hsslam_proto.frame_order import new_publisher, replayed_publisher
-from hsslam_proto.topics import FRAME, POSE, TOPICS
+from hsslam_proto.topics import FRAME, POSE, TOPICS, Topic
 from hsslam_services.bus.bus import Bus, open_router
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.log.progress import log_progress
@@ -162,15 +162,24 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     """Publish each message at its time, `rate` times as fast as it was logged; returns counts by topic.
 
     Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
-    It waits at most 10 s of the log's time for a message, and not at all if the clock was set back.
+    It waits at most 10 s of the log's time for a message, and not at all if the clock was set back. A message
+    that the recorder wrote late, after newer ones of other topics, is sent at once.
     """
     publishers = {}
+    newest_ns: dict[Topic, int] = {}
     sent: Counter[str] = Counter()
     due_s, last_ns = time.monotonic(), None
     own = new_publisher()
     for message in logged:
         gap_s = 0.0 if last_ns is None else (message.log_ns - last_ns) / 1e9
-        last_ns = message.log_ns
+        is_late = gap_s < -1e-9 * LATEST_NS and message.log_ns >= newest_ns.get(
+            message.topic, math.inf
+        )
+        newest_ns[message.topic] = message.log_ns
+        if is_late:
+            gap_s = 0.0
+        else:
+            last_ns = message.log_ns
         if not -1e-9 * LATEST_NS <= gap_s <= _LONGEST_WAIT_S:
             wait_s = min(max(gap_s, 0.0), _LONGEST_WAIT_S)
             _echo(

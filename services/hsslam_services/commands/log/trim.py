@@ -28,7 +28,7 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
     try:
         if out.exists() and any(out.samefile(path) for path in files):
             raise UserError(f"{out}: is the log itself: expected another file")
-        if is_part(out.name) and out.is_file():
+        if is_part(out.resolve().name) and out.is_file():
             raise UserError(f"{out}: is a part of a log: expected a new file, such as short.mcap")
         if out.is_dir():
             raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")

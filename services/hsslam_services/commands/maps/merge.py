@@ -21,6 +21,7 @@ from hsslam_services.artefacts.mesh_file import mesh_section, save_mesh
 from hsslam_services.commands.cli import terminal_progress
 from hsslam_services.commands.maps.export_views import expect_new_folder, out_folder
 from hsslam_services.commands.maps.whole_space import MAP_NAME, map_file
+from hsslam_services.commands.output_files import as_utf8
 from hsslam_services.run.summary import update_summary
 
 _TRAJECTORY = "trajectory.txt"
@@ -128,7 +129,7 @@ def _section(options: MergeOptions, found: JoinedMap) -> dict[str, Any]:
         "keyframes": found.store.count,
         "keyframes_kept": len(found.store.kept()),
         "merged": {
-            "runs": [options.first, options.second],
+            "runs": [as_utf8(options.first), as_utf8(options.second)],
             "keyframes": [len(part) for part in found.parts],
             "places": found.places,
             "meetings": len(found.meetings),

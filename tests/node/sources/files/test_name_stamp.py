@@ -8,7 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.files.name_stamp import name_stamp_ns, numbered_stamp_ns
+from hsslam_node.sources.files.name_stamp import (
+    name_stamp_ns,
+    numbered_stamp_ns,
+    unpadded_stamps_ns,
+)
 
 _SECOND = int(datetime(2024, 1, 31, 12, 30, 55, tzinfo=UTC).timestamp()) * 1_000_000_000
 
@@ -67,3 +71,13 @@ def test_a_number_that_is_a_time_is_named(number: int):
         UserError, match=rf"frame number {number} in a file name: expected at most 2767011611\d\d;"
     ):
         numbered_stamp_ns(number, 30.0)
+
+
+def test_nanoseconds_without_leading_zeros_are_known_by_all_names_together():
+    names = ["rgb_1700000000_600000", "rgb_1700000000_67266667", "rgb_1700000000_133933333"]
+    second = 1_700_000_000 * 1_000_000_000
+    found = [second + 600_000, second + 67_266_667, second + 133_933_333]
+    assert unpadded_stamps_ns(names) == found
+    assert unpadded_stamps_ns(names[:1]) is None  # may be microseconds
+    assert unpadded_stamps_ns([*names, "rgb_1700000000_060000000"]) is None
+    assert unpadded_stamps_ns([*names, "rgb_5"]) is None

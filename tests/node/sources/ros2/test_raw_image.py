@@ -61,6 +61,21 @@ def test_colour_of_a_bayer_sensor(order):
     np.testing.assert_array_equal(image.color(), np.broadcast_to(flat, (8, 8, 3)))
 
 
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+def test_colour_of_a_compressed_bayer_mosaic(order):
+    mosaic = np.random.default_rng(2).integers(0, 256, (8, 8)).astype(np.uint8)
+    png = cv2.imencode(".png", mosaic)[1]
+    image = RawImage(0, f"bayer_{order}8; png compressed ", png, is_compressed=True)
+    assert image.content == "color"
+    np.testing.assert_array_equal(image.color(), raw(mosaic, f"bayer_{order}8").color())
+
+
+def test_a_compressed_bayer_image_that_is_converted_stays_as_it_is():
+    png = cv2.imencode(".png", RGB[..., ::-1])[1]
+    image = RawImage(0, "bayer_rggb8; png compressed bgr8", png, is_compressed=True)
+    np.testing.assert_array_equal(image.color(), RGB)
+
+
 def test_grey_is_the_same_in_all_three():
     grey = RGB[..., 1]
     for image in (raw(grey, "mono8", 1), raw(grey.astype(np.uint16) << 8, "mono16", 2)):

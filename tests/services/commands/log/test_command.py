@@ -107,6 +107,18 @@ def test_trim_replaces_no_part_of_the_log(tmp_path, capsys):
     assert first.read_bytes() == before
 
 
+def test_trim_replaces_no_log_through_a_link(tmp_path, capsys):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_log(tmp_path / name)
+    log, link = tmp_path / "b" / "run.mcap", tmp_path / "short.mcap"
+    link.symlink_to(log)
+    before = log.read_bytes()
+    assert main(["trim", str(tmp_path / "a" / "run.mcap"), str(link)]) == 2
+    assert f"{link}: is a part of a log: expected a new file" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
 def test_trim_keeps_the_order_if_the_clock_was_set_back(tmp_path, capsys):
     path, short = tmp_path / "run.mcap", tmp_path / "short.mcap"
     log = McapLog(path, "r")

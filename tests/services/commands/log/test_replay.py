@@ -11,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_order import new_publisher
+from hsslam_proto.topics import FRAME
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.commands.log.replay import main, publish, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
@@ -79,6 +80,20 @@ def test_after_a_clock_that_was_set_back_a_little_the_rate_stays(tmp_path, endpo
         assert publish(bus, moved, rate=2) == {"out/pose": 13}
     assert time.monotonic() - begin_s > 11 * 0.1 / 2
     assert "a gap of -1.4 s" in capsys.readouterr().err
+
+
+def test_messages_that_were_written_late_do_not_slow_the_replay(tmp_path, endpoint, capsys):
+    """A frame waits in the recorder until it is 1.6 s older than the poses that are written before it."""
+    entries = list(bus_messages([write_log(tmp_path, count=13)], {"out/pose", "in/frame"}))
+    late_ns = 1_600_000_000
+    begin_ns = min(one.log_ns for one in entries)
+    moved = [replace(one, log_ns=one.log_ns - late_ns * (one.topic is FRAME)) for one in entries]
+    span_s = (max(one.log_ns for one in moved) - begin_ns) / 1e9
+    begin_s = time.monotonic()
+    with Bus(endpoint, "r", "replay") as bus:
+        assert publish(bus, moved, rate=1) == {"out/pose": 13, "in/frame": 13}
+    assert time.monotonic() - begin_s < late_ns / 1e9 + span_s + 1
+    assert "a gap of" not in capsys.readouterr().err
 
 
 def test_a_service_gets_new_frames_from_each_replay_and_nothing_else(tmp_path, endpoint):
