@@ -21,7 +21,9 @@ from hsslam_node.map.pose_correction import (
 )
 
 _POLL_S = 0.0005
-_LONGEST_APPEND_S = 0.1  # longest wait for a tracker that died while it appended
+_LONGEST_APPEND_S = (
+    2.0  # longest wait for a tracker that died, or waits for a core, while it appends
+)
 
 
 class KeyframePoses:

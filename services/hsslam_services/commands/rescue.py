@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.arena.arena_folder import (
@@ -46,6 +47,11 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     if "-h" in args or "--help" in args:
         print(RESCUE_HELP)
         return ExitCode.SAVED
+    if "--version" in args:
+        print(f"hsslam-serve {__version__}")
+        return ExitCode.SAVED
+    if args and args[0].startswith("-"):
+        raise UserError(f"rescue {args[0]}: unknown option: expected one run folder")
     if len(args) != 1:
         raise UserError(f"rescue {' '.join(args)}: expected one run folder")
     given = Path(args[0]).absolute()

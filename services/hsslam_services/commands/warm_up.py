@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_services.launch.process_table import environment_of_threads
@@ -27,6 +28,9 @@ def warm_up_command(args: Sequence[str]) -> int:
     """
     if args and args[0] in ("-h", "--help"):
         print(WARM_UP_HELP)
+        return 0
+    if args and args[0] == "--version":
+        print(f"hsslam-serve {__version__}")
         return 0
     if args:
         raise UserError(f"warm-up {args[0]}: expected no arguments")

@@ -181,7 +181,8 @@ def test_without_memory_for_rows_there_is_no_room_and_no_error():
     assert not store.has_room() and store.room.refused == 1 and store.count == 0
 
 
-def test_a_correction_waits_for_the_keyframe_that_is_being_appended():
+@pytest.mark.parametrize("held_s", [0.0, 0.3])  # of a tracker that waits for a core
+def test_a_correction_waits_for_the_keyframe_that_is_being_appended(held_s):
     store = _store(3, MemoryAllocator())
     before, wanted, new = store.pose(2), _pose(10), _pose(3)
     corrections: list[PoseCorrection] = []
@@ -195,6 +196,7 @@ def test_a_correction_waits_for_the_keyframe_that_is_being_appended():
         thread.start()
         while store.pose_version == version:
             time.sleep(0.001)
+        time.sleep(held_s)
         store.append(_frame(3), new, version)
     thread.join(10)
     np.testing.assert_allclose(store.pose(3), wanted @ inverse(before) @ new, atol=1e-12)

@@ -64,6 +64,13 @@ def test_a_rescue_replaces_what_is_not_saved(run_info: RunInfo, known: dict[str,
     assert not arena.path.exists()
 
 
+def test_a_mistyped_option_is_no_run_folder(capsys):
+    with pytest.raises(UserError, match="rescue --foo: unknown option: expected one run folder"):
+        rescue_command(["--foo"])
+    assert rescue_command(["--version"]) == ExitCode.SAVED
+    assert capsys.readouterr().out.startswith("hsslam-serve ")
+
+
 def test_the_run_of_another_user_is_refused_as_that_user_could_not_read_what_is_saved(
     run_info: RunInfo,
 ):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_node import __version__
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import STOP
@@ -107,6 +108,7 @@ def test_arguments_are_refused_and_help_is_given():
     help_ = _warm_up("--help")
     assert help_.returncode == 0
     assert "usage: hsslam-serve warm-up" in help_.stdout
+    assert _warm_up("--version").stdout == f"hsslam-serve {__version__}\n"
 
 
 @pytest.mark.e2e

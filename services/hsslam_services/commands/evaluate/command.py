@@ -94,10 +94,11 @@ def _evaluate(options: EvalOptions) -> None:
 
 def _views_file(folder: Path | None, json: Path | None) -> Path | None:
     """The file for the poses of virtual views: in the folder of the plots, else beside the file of `--json`
-    and with its name, as those of other evaluations may be there; None if there is neither."""
+    and with its name, as those of other evaluations may be there; None if there is neither, or that file is
+    a stream such as /dev/stdout."""
     if folder is not None:
         return folder / _VIEWS_FILE
-    if json is not None and json.is_file():
+    if json is not None and json.is_file() and not json.absolute().is_relative_to("/dev"):
         return json.with_name(f"{json.stem}.{_VIEWS_FILE}")
     return None
 

@@ -90,6 +90,8 @@ class EvalOptions:
             raise UserError(f"--depth-views {self.depth_views}: expected 0 or more")
         if self.cull_views < 0:
             raise UserError(f"--cull-views {self.cull_views}: expected 0 or more")
+        if self.tsdf != TsdfOptions() and self.against != "tsdf":
+            raise UserError("--tsdf.*: scores nothing without a TSDF: expected with --against tsdf")
         if self.views and not self.rendering:
             raise UserError("--views: expected without --no-rendering, or neither")
         if not 0 <= self.seed < 2**31:

@@ -49,14 +49,19 @@ def _info(args: Sequence[str]) -> None:
 
 def _recover(args: Sequence[str]) -> None:
     options = parse_options(RecoverOptions, f"{_PROG} recover", args)
+    refused: list[str] = []
     for path in log_files(_given("recover", "FILE", options.file)):
         try:
             expect_closed(path)
             with Console(stderr=True, markup=False).status(f"checking {path}"):
                 recovered = recover(path)
             print(f"{path}: {recovered.line()}")
+        except UserError as error:
+            refused.append(str(error))
         except OSError as error:
-            raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
+            refused.append(f"{path}: {error.strerror}: expected a log such as run.mcap")
+    if refused:
+        raise UserError("; ".join(refused))
 
 
 def _trim(args: Sequence[str]) -> None:

@@ -1,6 +1,8 @@
 """`hsslam-eval` as a user runs it."""
 
 import json
+import subprocess
+import sys
 from io import StringIO
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.pose_codec import wire_pose
-from hsslam_services.commands.evaluate.command import _writable_folder, main
+from hsslam_services.commands.evaluate.command import _views_file, _writable_folder, main
 from hsslam_services.commands.evaluate.table import eval_table
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
@@ -115,6 +117,19 @@ def test_scores_go_to_a_pipe_and_not_into_a_folder(result, tmp_path, capfd, monk
         main([*poses, "--json", str(tmp_path)])
     text = f"error: --json {tmp_path}: is a folder: expected a file to write\n"
     assert (left.value.code, capfd.readouterr().err) == (2, text)
+
+
+def test_a_stream_has_no_file_of_views_beside_it(tmp_path):
+    scores = tmp_path / "score.json"
+    scores.touch()
+    assert _views_file(None, scores) == tmp_path / "score.virtual_views.txt"
+    program = """
+from pathlib import Path
+from hsslam_services.commands.evaluate.command import _views_file
+assert Path("/dev/stdout").is_file() and _views_file(None, Path("/dev/stdout")) is None
+"""
+    with scores.open("w") as out:
+        subprocess.run([sys.executable, "-c", program], stdout=out, check=True)
 
 
 @pytest.mark.usefixtures("few_samples")
@@ -250,6 +265,7 @@ def _log(folder: Path, metadata: dict[str, str]) -> Path:
         (["--trajectory", "/there.txt", *_SOURCE], "there.txt"),
         (["--mesh", "m.ply", *_SOURCE, "--against", "tsdf"], "--trajectory"),
         (["--mesh", "m.ply", *_SOURCE, "--depth-view", "x"], "depth-view"),
+        (["--mesh", "m.ply", *_SOURCE, "--tsdf.voxel-m", "0.01"], "expected with --against tsdf"),
         (["--views", "--no-rendering"], "--views: expected without --no-rendering"),
         (["--trajectory", "TRAJECTORY", "--source", "synth:rom"], "synth:room"),
     ],

@@ -15,7 +15,9 @@ from hsslam_proto.codec import encode
 from hsslam_proto.topics import POSE
 from hsslam_services.commands.log.command import main
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.mcap_writer import McapLog
+from hsslam_services.log.reading.files import log_files
 from hsslam_services.log.reading.reader import bus_messages
 from tests.services.log.sample_log import PERIOD_NS, START_NS, write_log, write_poses
 from tests.services.wire_samples import pose
@@ -105,6 +107,19 @@ def test_trim_replaces_no_part_of_the_log(tmp_path, capsys):
     assert main(["trim", str(later), str(first)]) == 2  # as of run*.mcap
     assert f"{first}: is a part of a log: expected a new file" in capsys.readouterr().err
     assert first.read_bytes() == before
+
+
+def test_a_part_that_cannot_be_recovered_does_not_keep_the_others_from_it(tmp_path, capsys):
+    write_log(tmp_path, part_bytes=30_000)
+    parts = log_files(tmp_path)
+    first, last = parts[0], parts[-1]
+    first.write_bytes(b"of another program")
+    last.write_bytes(last.read_bytes()[:-100])
+    assert main(["recover", str(tmp_path)]) == 2
+    shown = capsys.readouterr()
+    assert f"error: {first}: " in shown.err
+    assert f"{last}: was not finished: recovered" in shown.out
+    assert is_finished(last)
 
 
 def test_trim_replaces_no_log_through_a_link(tmp_path, capsys):
