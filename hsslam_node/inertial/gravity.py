@@ -107,8 +107,8 @@ class GravityWindows:
         Args:
             other: the windows of the other map, which has n keyframes.
             keyframes: [n] int64, the keyframe of this map with which each of its keyframes moves.
-            R_keyframe_own: [n, 3, 3], rotates axes of each of its keyframes into those of that keyframe of
-                this map.
+            R_keyframe_own: [n, 3, 3]; R_keyframe_own[k] maps vectors in the axes of keyframe k of the other
+                map to the axes of keyframe keyframes[k] of this map.
         """
         for k, force, axes in other._rows:
             R = R_keyframe_own[k]

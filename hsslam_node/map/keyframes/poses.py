@@ -21,9 +21,7 @@ from hsslam_node.map.pose_correction import (
 )
 
 _POLL_S = 0.0005
-_LONGEST_APPEND_S = (
-    2.0  # longest wait for a tracker that died, or waits for a core, while it appends
-)
+_LONGEST_APPEND_S = 2.0  # a tracker that appends longer has died; it may wait for a core
 
 
 class KeyframePoses:

@@ -54,14 +54,15 @@ def name_stamp_ns(stem: str) -> int | None:
 def unpadded_stamps_ns(stems: list[str]) -> list[int] | None:
     """Times in file names that have seconds and nanoseconds without leading zeros, ns.
 
-    `1700000000_5000000` is 5 ms after the second. None: a name has no such time, or the numbers of
-    nanoseconds are all of 9 digits or all shorter, as numbers with leading zeros or of microseconds are.
+    `1700000000_5000000` is 5 ms after the second. None: a name has no such time, or two have the same, or
+    all second numbers have 9 digits (they may have leading zeros), or none has (they may be microseconds).
     """
     found = [re.search(r"(?<!\d)(\d{10})[_-](0|[1-9]\d{0,8})(?!\d)", stem) for stem in stems]
     times = [both.groups() for both in found if both]
     if len(times) < len(stems) or len({len(ns) == 9 for _, ns in times}) < 2:
         return None
-    return [int(s) * 1_000_000_000 + int(ns) for s, ns in times]
+    stamps_ns = [int(s) * 1_000_000_000 + int(ns) for s, ns in times]
+    return stamps_ns if len(set(stamps_ns)) == len(stems) else None
 
 
 def _is_since_1970(number: str) -> bool:

@@ -137,10 +137,7 @@ class RecordFolder:
 
 def _name_stamps(files: list[Path]) -> list[int] | None:
     """The stamps in all names, ns; None if one has none, or if they are closer than those of cameras."""
-    unpadded = unpadded_stamps_ns([path.stem for path in files])
-    if unpadded and len(set(unpadded)) < len(files):
-        unpadded = None
-    stamps_ns = unpadded or _all(name_stamp_ns, files)
+    stamps_ns = unpadded_stamps_ns([path.stem for path in files]) or _all(name_stamp_ns, files)
     return stamps_ns if stamps_ns and not are_too_fast(sorted(stamps_ns)) else None
 
 
