@@ -34,10 +34,15 @@ def on_top(then: np.ndarray, now: np.ndarray, corrected: np.ndarray) -> np.ndarr
     return both
 
 
-def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
-    """Move keyframes `known` and later in `after` [n, 4, 4] as keyframe `known` - 1 has moved."""
-    if 0 < known < len(before):
-        after[known:] = after[known - 1] @ inverse(before[known - 1]) @ before[known:]
+def follow_references(
+    before: np.ndarray, after: np.ndarray, late: np.ndarray, references: np.ndarray
+) -> None:
+    """Move keyframes `late` [m], sorted, in `after` [n, 4, 4] as their references have moved; a keyframe
+    without one stays. references: [n] int64, as in `KeyframeRows.references`."""
+    for k in late.tolist():
+        r = int(references[k])
+        if r >= 0 and (after[r] != before[r]).any():
+            after[k] = after[r] @ inverse(before[r]) @ before[k]
 
 
 def roots(is_kept: np.ndarray, anchors: np.ndarray) -> np.ndarray:

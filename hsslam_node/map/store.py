@@ -111,6 +111,7 @@ class KeyframeStore:
         covariance: np.ndarray = _SURE,
         gap_covariance: np.ndarray = _SURE,
         fragment: int = 0,
+        reference: int | None = None,
     ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
 
@@ -119,6 +120,8 @@ class KeyframeStore:
             the keyframe before, as far as only the robot's odometry, the join of a fragment or a place that
             was found again tells it; 0: the camera was aligned all the way.
         fragment: see `fragments`.
+        reference: the keyframe from which the pose was taken, None: the one before. A keyframe that comes
+            while a correction is computed moves with it.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -142,6 +145,7 @@ class KeyframeStore:
             covariance,
             gap_covariance,
             fragment,
+            k - 1 if reference is None else reference,
         )
         self._slots.take(slot, k)
         store_ordered(self._header, COUNT, k + 1)
@@ -166,6 +170,7 @@ class KeyframeStore:
             self._rows.write(
                 first + k, keyframe.frame_index, keyframe.stamp_ns, keyframe.slot, version,
                 T_world_cam[k], covariances[k], gap_covariances[k], fragment,
+                first + k - 1 if k else -1,
             )  # fmt: skip
         store_ordered(self._header, COUNT, first + n)
         return np.arange(first, first + n)
@@ -294,7 +299,7 @@ class KeyframeStore:
         """Bundle adjustment and mapping, one at a time: replace the poses [n, 4, 4] of `ids`.
 
         Retired keyframes move with their anchors. `known`: keyframes there were when the correction was
-        computed; those that came since move as the last of these did. `T_then` [n, 4, 4]: poses of `ids` from
+        computed; those that came since move with their references. `T_then` [n, 4, 4]: poses of `ids` from
         which it was computed; where others have moved them since, both changes count.
         """
         return self._poses.correct(ids, T_world_cam, known, T_then)

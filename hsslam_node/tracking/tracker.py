@@ -269,7 +269,9 @@ class Tracker:
                 gap = gap + UNTRACKED
             gap = turned(gap, T[:3, :3].T)
             fragment = self._keyframes.fragment
-            k = self._store.append(frame, T, version, covariance, gap, fragment)
+            k = self._store.append(
+                frame, T, version, covariance, gap, fragment, reference=last.keyframe
+            )
         self._go_on_from(k, seen)
         self._reckoned.restart(frame.odometry, covariance, None)
         self._relocalisation.observe()

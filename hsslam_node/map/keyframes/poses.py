@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.keyframes.header import APPENDING, COUNT, POSE_VERSION
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.settled import Settling
@@ -15,7 +14,7 @@ from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import (
     PoseCorrection,
     carry_retired,
-    follow_last,
+    follow_references,
     on_top,
     roots,
 )
@@ -89,11 +88,14 @@ class KeyframePoses:
         before = self._rows.all_poses(n, version % 2)
         after = before.copy()
         after[ids] = T_world_cam if T_then is None else on_top(T_then, before[ids], T_world_cam)
-        if known is not None:
-            follow_last(before, after, known)
         is_kept = np.isin(np.arange(n), self._slots.held(n))
-        root = roots(is_kept, self._rows.anchors(n))
+        anchors = self._rows.anchors(n)
+        is_kept |= anchors >= n  # retired just now, for a keyframe that came after these n
+        root = roots(is_kept, anchors)
         carry_retired(before, after, root)
+        if known is not None and known < n:
+            follow_references(before, after, np.arange(known, n), self._rows.references(n))
+            carry_retired(before, after, root)  # those that hang on one of these
         moved = np.flatnonzero((after != before).any(axis=(1, 2)))
         self._rows.write_bank(after, (version + 1) % 2)
         settled = self._settling.settle(after, is_kept, root)
@@ -112,11 +114,15 @@ class KeyframePoses:
         self._wait_for_append()
         late = np.arange(n, self._count)
         late = late[self._rows.versions(n, n + len(late)) < correction.version]
-        if len(late) == 0 or n - 1 not in correction.keyframes[-1:]:
+        if len(late) == 0:
             return correction
-        then = self._rows.pose(n - 1, (correction.version + 1) % 2)
-        follow = correction.T_world_cam[-1] @ inverse(then)
-        return correction.with_more(self.correct(late, follow @ self.of(late), None))
+        banks = (correction.version + 1) % 2, correction.version % 2
+        before, after = (self._rows.all_poses(int(late[-1]) + 1, bank) for bank in banks)
+        follow_references(before, after, late, self._rows.references(len(after)))
+        late = late[(after[late] != before[late]).any(axis=(1, 2))]
+        if len(late) == 0:
+            return correction
+        return correction.with_more(self.correct(late, after[late], None))
 
     def _wait_for_append(self) -> None:
         """Wait until the keyframe that is being appended now, perhaps at an old pose, is counted."""

@@ -9,7 +9,7 @@ from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096  # 3.0 MB, with gaps 4.2 MB
 BLOCK_ROWS = 128  # rows that lose their memory together: whole pages of each array
-COLUMNS = 9
+COLUMNS = 10
 _BLOCKS = SLAB_ROWS // BLOCK_ROWS  # in a slab
 
 

@@ -8,16 +8,18 @@ from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.keyframes.row_slabs import BLOCK_ROWS, COLUMNS, SLAB_ROWS, RowSlabs
 
 # columns; the loss is a float64
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT, _DUE, _FLAGS = range(COLUMNS)
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _FRAGMENT, _REFERENCE, _LOSS, _DUE, _FLAGS = (
+    range(COLUMNS)
+)
 _GAP, _SETTLED = 1, 2  # flags
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
 
 
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 744 bytes each, and 290 more in a slab
+    """Append-only rows in slabs, so that their number has no limit: 752 bytes each, and 290 more in a slab
     with motions by odometry alone.
 
-    A *settled* row has the pose relative to its anchor alone: 120 bytes. Its covariance is that of its
+    A *settled* row has the pose relative to its anchor alone: 128 bytes. Its covariance is that of its
     anchor, and nothing may ask for what the mapper noted of it. Rows settle in blocks of `BLOCK_ROWS`.
 
     Poses lie in two banks that readers copy without a lock. The owner of the rows knows how many are
@@ -38,19 +40,20 @@ class KeyframeRows:
         covariance: np.ndarray,
         gap_covariance: np.ndarray,
         fragment: int = 0,
+        reference: int = -1,
     ) -> None:
         """Write row k before any process reads it; T_world_cam [4, 4] is of pose version `version`.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
-        gap_covariance: [6, 6] as in `KeyframeStore.append`. fragment: see `fragments`.
+        gap_covariance: [6, 6] as in `KeyframeStore.append`. fragment, reference: see `fragments` and
+            `references`.
 
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
         """
         slab = self._slabs.slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
-        slab.meta[row, :5] = frame_index, stamp_ns, slot, -1, version
-        slab.meta[row, _FRAGMENT] = fragment
+        slab.meta[row, :7] = frame_index, stamp_ns, slot, -1, version, fragment, reference
         slab.poses[:, row] = T
         slab.covariances[row] = covariance
         has_gap = bool(np.any(gap_covariance))
@@ -84,6 +87,11 @@ class KeyframeRows:
     def anchors(self, count: int) -> np.ndarray:
         """The anchor of each of the first `count` keyframes, [count] int64; -1: none."""
         return self._column(_ANCHOR, count)
+
+    def references(self, count: int) -> np.ndarray:
+        """The earlier keyframe from which the pose of each of the first `count` keyframes was taken, [count]
+        int64; -1: none."""
+        return self._column(_REFERENCE, count)
 
     def versions(self, first: int, count: int) -> np.ndarray:
         """Pose versions at which the poses of keyframes `first` to `count` were taken, [n] int64."""

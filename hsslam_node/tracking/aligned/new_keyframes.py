@@ -84,7 +84,9 @@ class NewKeyframes:
             still = self._dynamic.left_out(frame, T)
             gap_covariance = turned(gap + doubt.own, T[:3, :3].T) if gap.any() else gap
             covariance = doubt.of_new_keyframe()
-            k = self._store.append(still, T, version, covariance, gap_covariance, self.fragment)
+            k = self._store.append(
+                still, T, version, covariance, gap_covariance, self.fragment, aligner.aligned_to
+            )
         self._dynamic.observe(k, still)
         return NewKeyframe(k, T, version, still)
 

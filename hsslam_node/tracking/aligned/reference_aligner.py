@@ -86,6 +86,12 @@ class ReferenceAligner:
             seen.view.expect_intact()
         return found
 
+    @property
+    def aligned_to(self) -> int:
+        """The keyframe to which the newest frame was aligned."""
+        assert self._aligned_at is not None
+        return self._aligned_at.keyframe
+
     def placed(self, alignment: Alignment) -> tuple[np.ndarray, int]:
         """The pose [4, 4] of the newest alignment, moved with its reference, and its pose version."""
         assert self._aligned_at is not None

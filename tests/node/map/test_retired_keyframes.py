@@ -203,6 +203,65 @@ def test_a_correction_waits_for_the_keyframe_that_is_being_appended(held_s):
     assert corrections[0].keyframes.tolist() == [2, 3]
 
 
+def _moved_by(T: np.ndarray, *ids: int) -> dict[int, np.ndarray]:
+    return {k: T @ _pose(k) for k in ids}
+
+
+@pytest.mark.parametrize("while_written", [False, True])
+def test_keyframes_that_come_during_a_correction_move_with_those_they_were_aligned_to(
+    while_written,
+):
+    """3 goes on from 2, 4 was found again beside 0, and 5 goes on from there."""
+    store = _store(3, MemoryAllocator())
+    T = se3_exp(np.full(6, 0.1))
+
+    def append() -> None:
+        store.append(_frame(3), _pose(3), 0)
+        store.append(_frame(4), _pose(4), 0, reference=0)
+        store.append(_frame(5), _pose(5), 0)
+
+    def correct() -> None:
+        store.correct_poses(np.arange(1, 3), T @ store.poses_of(np.arange(1, 3)), known=3)
+
+    if while_written:
+        thread = threading.Thread(target=correct)
+        with store.appending():
+            thread.start()
+            while store.pose_version == 0:
+                time.sleep(0.001)
+            append()
+        thread.join(10)
+    else:
+        append()
+        correct()
+    expected = {k: _pose(k) for k in (0, 4, 5)} | _moved_by(T, 1, 2, 3)
+    for k, pose in expected.items():
+        np.testing.assert_allclose(store.pose(k), pose, atol=1e-12, err_msg=str(k))
+
+
+def test_keyframes_of_a_fragment_that_joins_during_a_correction_stay():
+    store = _store(3, MemoryAllocator())
+    staging = store.staging()
+    for k in (3, 4):
+        assert staging.add(_frame(k))
+    gaps = np.zeros((2, 6, 6))
+    store.append_staged(staging, np.stack([_pose(3), _pose(4)]), gaps, gaps, 1)
+    store.append(_frame(5), _pose(5), fragment=1)
+    store.correct_poses(np.array([2]), _pose(10)[None], known=3)
+    for k in (3, 4, 5):
+        np.testing.assert_array_equal(store.pose(k), _pose(k))
+
+
+def test_a_keyframe_whose_reference_retired_for_it_during_a_correction_moves_with_it():
+    store = _store(3, MemoryAllocator())
+    store.append(_frame(3), _pose(3))
+    store.retire(2, 3)
+    T = se3_exp(np.full(6, 0.1))
+    store.correct_poses(np.array([2]), (T @ _pose(2))[None], known=3)
+    for k in (2, 3):
+        np.testing.assert_allclose(store.pose(k), T @ _pose(k), atol=1e-12)
+
+
 @pytest.mark.alone
 def test_a_tracker_that_died_while_it_appended_is_waited_for_once():
     store = _store(3, MemoryAllocator())
