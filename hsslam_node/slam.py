@@ -147,7 +147,7 @@ class Slam:
         """
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
-            self._join(joined)
+            self.pose_log.join(joined.fragment)
             if self._ba and self.store and self._ba.has_joined(self.store):
                 self._adjust(self._ba, self.store)
             self._map_new(before)
@@ -177,7 +177,7 @@ class Slam:
         self._path.add(row, self.store, result.T_expected, is_carried=result.is_carried)
         self.pose_log.append(row)
         if (joined := result.joined) is not None:
-            self._join(joined)
+            self.pose_log.join(joined.fragment)
         return deepcopy(result)  # the tracker goes on from some of its arrays
 
     @property
@@ -229,9 +229,6 @@ class Slam:
         """
         checkpoint = map_snapshot(self.store, self.parameters, self.config)
         save_checkpoint(Path(path), checkpoint)
-
-    def _join(self, joined: JoinedFragment) -> None:
-        self.pose_log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
 
     def _newest_map(self) -> DenseMap:
         return self._maps.newest(self.store, self.parameters)
@@ -290,7 +287,7 @@ class Slam:
             self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s,
             fragments=newest_fragment_map(self._fragments) if self._fragments else 0,
             keep=partial(_save_fragment, self._fragments, self.config, self._unsaved)
-            if self._fragments else None,
+            if self._fragments else None, note_join=partial(_prepare_join, self.pose_log),
         )  # fmt: skip
 
     def _open_map(self, frame: Frame) -> None:
@@ -305,6 +302,10 @@ class Slam:
         self._views = MapViews(parameters, self._device, with_color=c.tracker.method == "rendering")
         if c.ba.enabled:
             self._ba = open_adjustment(c, parameters, self.seed, self._device)
+
+
+def _prepare_join(log: PoseLog, joined: JoinedFragment) -> None:
+    log.prepare_join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
 
 
 def _save_fragment(

@@ -49,5 +49,6 @@ def long_log(arrays: ArrayAllocator) -> PoseLog:
         slab[: len(part)] = part
     log = PoseLog(arrays)
     arrays.open("pose_header")[0] = COUNT
-    log.join(_JOINED, np.array([3, 1]), KEYFRAMES[:2])
+    log.prepare_join(_JOINED, np.array([3, 1]), KEYFRAMES[:2])
+    log.join(_JOINED)
     return log

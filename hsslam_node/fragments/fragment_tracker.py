@@ -33,6 +33,7 @@ def open_fragment_tracker(
     new_map_after_s: float = NEW_MAP_AFTER_S,
     fragments: int = 0,
     keep: Callable[[Fragment], None] | None = None,
+    note_join: Callable[[JoinedFragment], None] | None = None,
 ) -> FrameTracker:
     """The tracker of a configuration, with fragments if it recognises places.
 
@@ -40,11 +41,14 @@ def open_fragment_tracker(
         new_map_after_s: a fragment begins when the camera has been lost for this time; 0: never.
         fragments: number of fragments begun before.
         keep: takes each fragment that ends without a join; None: it is lost.
+        note_join: takes each fragment that joins, as `Joining` calls it.
     """
     tracker = open_tracker(config, store, seed, threads)
     if not isinstance(tracker, Tracker) or not new_map_after_s:
         return tracker
-    return FragmentTracker(config, store, seed, tracker, new_map_after_s, fragments, keep)
+    return FragmentTracker(
+        config, store, seed, tracker, new_map_after_s, fragments, keep, note_join
+    )
 
 
 class FragmentTracker:
@@ -58,6 +62,7 @@ class FragmentTracker:
     def __init__(
         self, config: SlamConfig, store: KeyframeStore, seed: int, tracker: Tracker,
         new_map_after_s: float, fragments: int, keep: Callable[[Fragment], None] | None = None,
+        note_join: Callable[[JoinedFragment], None] | None = None,
     ) -> None:  # fmt: skip
         self._slam = config
         self._after_ns = round(1e9 * new_map_after_s)
@@ -69,6 +74,7 @@ class FragmentTracker:
         self._joining: Joining | None = None
         self._begun = fragments
         self._keep = keep
+        self._note_join = note_join
         self._lost_ns: int | None = None  # stamp of the first of the lost frames
         # The newest frame, if it was lost in the fragment and the map then raised `TornMapError`: it comes
         # again, and the fragment must not track it twice.
@@ -203,7 +209,7 @@ class FragmentTracker:
     def _begin_joining(self, place: FragmentPlace | None) -> None:
         """Begin to join the fragment if its place is known and it does not join yet."""
         if place is not None and self._joining is None and self._fragment is not None:
-            self._joining = Joining(self._fragment, self._store, place)
+            self._joining = Joining(self._fragment, self._store, place, self._note_join)
 
     def _go_on_in_map(
         self, fragment: Fragment, joined: JoinedFragment, result: TrackResult

@@ -1,7 +1,10 @@
 """Joins a fragment to the map: copies pixels of a few keyframes with each frame, then shows all at once."""
 
+from collections.abc import Callable
+
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.geometry.fragment_place import FragmentPlace
 from hsslam_node.geometry.pose_covariance import UNTRACKED
@@ -23,8 +26,17 @@ class Joining:
     If the map has too little room for them, the mapper first retires keyframes of the map.
     """
 
-    def __init__(self, fragment: Fragment, store: KeyframeStore, place: FragmentPlace) -> None:
+    def __init__(
+        self,
+        fragment: Fragment,
+        store: KeyframeStore,
+        place: FragmentPlace,
+        note: Callable[[JoinedFragment], None] | None = None,
+    ) -> None:
+        """`note` takes the joined fragment before any process sees its keyframes in the map; with
+        OutOfMemoryError they are not shown."""
         self.place = place
+        self._note = note
         self._fragment = fragment
         self._store = store
         self._every = 0  # one keyframe in this number is copied; 0: wait for room
@@ -35,7 +47,8 @@ class Joining:
     def step(self, *, is_lost: bool = False) -> JoinedFragment | None:
         """Copy a few more keyframes; once all are copied, show them and return the joined fragment.
 
-        None before that. None also if the map has memory for none of them; then copying starts again.
+        None before that. None also if the map has memory for none of them, then copying starts again; and if
+        there is no memory to note the join, which the next step then tries again.
         `is_lost`: the camera is lost, so more are copied.
         """
         if not self._every and not self._begins(_SPARE):
@@ -47,7 +60,7 @@ class Joining:
         return None
 
     def finish(self) -> JoinedFragment | None:
-        """Copy the other keyframes and show all; None if the map has too little room for the fragment."""
+        """Copy the other keyframes and show all; None if there is too little room for the fragment."""
         if not self._every and not self._begins(spare=0):
             return None
         while self._next < self._fragment.store.count:
@@ -97,13 +110,20 @@ class Joining:
         poses = own.poses()
         gaps = gap_covariances(own, np.array(ids))
         gaps[0] = UNTRACKED
+        shown = self._store.count + np.arange(len(ids))
+        joined = _joined(self._fragment.number, self.place, np.array(ids), shown, poses)
+        if self._note is not None:
+            try:
+                self._note(joined)
+            except OutOfMemoryError:
+                return None
         with self._store.appending():
-            shown = self._store.append_staged(
+            self._store.append_staged(
                 self._staging, self.place.T_map_fragment @ poses[ids],
                 np.stack([self.place.covariance(own.covariance(k), poses[k]) for k in ids]), gaps,
                 self._fragment.number,
             )  # fmt: skip
-        return _joined(self._fragment.number, self.place, np.array(ids), shown, poses)
+        return joined
 
 
 def _joined(

@@ -187,16 +187,21 @@ class PoseLog:
         noted = load_ordered(self._header, _FRAGMENT)
         return noted if last is None else max(noted, int(last["fragment"]))
 
-    def join(self, fragment: int, keyframes: np.ndarray, T_keyframe_own: np.ndarray) -> None:
-        """A fragment has joined the map: its keyframe k moves with keyframe `keyframes[k]` of the map, from
-        where it is T_keyframe_own[k] [4, 4] away.
+    def prepare_join(
+        self, fragment: int, keyframes: np.ndarray, T_keyframe_own: np.ndarray
+    ) -> None:
+        """A fragment is about to join the map: its keyframe k will move with keyframe `keyframes[k]` of the
+        map, from where it is T_keyframe_own[k] [4, 4] away. `join` makes it count.
 
         Raises:
             OutOfMemoryError: there is no memory to note it.
         """
         rows = self._arrays.create(_join_name(fragment), (len(keyframes),), _JOIN_ROW)
         rows["keyframe"], rows["T_keyframe_own"] = keyframes, T_keyframe_own
-        store_ordered(self._joins, fragment, len(keyframes))  # last: it is complete
+
+    def join(self, fragment: int) -> None:
+        """The map has the keyframes of a fragment whose join was prepared."""
+        store_ordered(self._joins, fragment, len(self._arrays.open(_join_name(fragment))))
 
     def is_joined(self, fragment: int) -> bool:
         """Whether a fragment has joined the map."""

@@ -178,7 +178,10 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     fragment = Fragment(CONFIG, frames[5], 0, 1, 8)
     fragment.track(frames[5])
     tracker._joining = Joining(
-        fragment, store, FragmentPlace(displaced(right[5], 0.02, 1.0), np.zeros(3))
+        fragment,
+        store,
+        FragmentPlace(displaced(right[5], 0.02, 1.0), np.zeros(3)),
+        tracker._note_join,
     )
     slam.finish()
     assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005

@@ -195,7 +195,8 @@ def test_frames_by_odometry_alone_in_a_fragment_are_fitted_once_it_has_joined(ru
             run.track_in_fragment(truth[-1], by_odometry, is_reckoned=False)
     np.testing.assert_allclose(run.track(is_carried=True), before @ by_odometry, atol=1e-9)
     run.store.append(room_frames()[0], _ASIDE)
-    run.log.join(1, np.array([run.store.count - 1]), np.eye(4)[None])
+    run.log.prepare_join(1, np.array([run.store.count - 1]), np.eye(4)[None])
+    run.log.join(1)
     rows = run.log.joined(run.log.rows())
     assert rows["status"].tolist() == [*4 * [TRACKED], *8 * [DEAD_RECKONED], *2 * [TRACKED]]
     found = final_trajectory(rows, run.store.poses()).T_world_cam[3:-1]

@@ -128,6 +128,7 @@ class _TrackerLoop:
             order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
         store = self._link.store()
         if store is not None and store.count > 0:
+            self._poses.complete_joins(store)
             self._tracker = self._open_tracker(store)
             self._tracker.resume(anywhere=store.inherited > 0)
             if self._poses.log.count > 0:
@@ -138,7 +139,7 @@ class _TrackerLoop:
         return open_fragment_tracker(
             options.slam, store, options.seed, threads,
             new_map_after_s=options.new_map_after_s, fragments=self._poses.log.newest_fragment(),
-            keep=self.fragments.save,
+            keep=self.fragments.save, note_join=self._poses.prepare_join,
         )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> bool:
@@ -246,7 +247,7 @@ class _TrackerLoop:
 
     def _join(self, joined: JoinedFragment) -> None:
         """Record and publish that a fragment has joined the map."""
-        self._poses.join(joined)
+        self._poses.join(joined.fragment)
         self._keyframes.put_joined(joined)
 
     def _pose_version(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.pose_log import DEAD_RECKONED, INITIAL, LOST, TRACKED, PoseLog
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_proto import messages, topics
@@ -55,6 +56,7 @@ class PosesOut:
         self._path = SmoothPath(self.log, options.slam.tracker.longest_gap_s, robot)
         self._poses = worker.bus.publisher(topics.POSE)
         self._has_reported = False  # that poses are not logged
+        self._waiting = 0  # the fragment that cannot join, as reported
         self._count_not_logged()  # of an earlier tracker process
 
     def put(self, result: TrackResult, received: Received) -> int:
@@ -95,13 +97,30 @@ class PosesOut:
         else:
             self._poses.put(_pose_message(row, float("nan"), {}, self._up()))
 
-    def join(self, joined: JoinedFragment) -> None:
-        """Convert the logged poses of a fragment to poses in the map."""
+    def prepare_join(self, joined: JoinedFragment) -> None:
+        """Note how to convert the logged poses of a fragment that is about to join the map.
+
+        Raises:
+            OutOfMemoryError: there is no memory for it; reported once per fragment.
+        """
         try:
-            self.log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+            self.log.prepare_join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
         except OutOfMemoryError as error:
-            text = f"poses of fragment {joined.fragment} not joined: {error}"
-            self._worker.event("warning", text)
+            if joined.fragment != self._waiting:
+                self._waiting = joined.fragment
+                text = f"fragment {joined.fragment} cannot join the map yet: {error}"
+                self._worker.event("warning", text)
+            raise
+
+    def join(self, fragment: int) -> None:
+        """From now on the logged poses of a fragment are in the map, which has its keyframes."""
+        self.log.join(fragment)
+
+    def complete_joins(self, store: KeyframeStore) -> None:
+        """Join the fragment whose keyframes a former tracker showed, if it then died."""
+        for fragment in np.unique(store.fragments()).tolist():
+            if fragment > 0 and not self.log.is_joined(fragment):
+                self.log.join(fragment)
 
     def _note_not_logged(self) -> None:
         if not self._has_reported:

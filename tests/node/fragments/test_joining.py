@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.joining import Joining
 from hsslam_node.geometry.fragment_place import FragmentPlace
@@ -9,6 +10,7 @@ from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp, so3_log
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.keyframe_selection import KeyframeSelection
+from hsslam_node.tracking.tracked_frame import JoinedFragment
 from tests.small_room import SMALL, room_frames, room_poses
 
 _IN_ORIGIN = FragmentPlace(np.eye(4), np.zeros(3))
@@ -33,6 +35,26 @@ def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
     assert joining.finish() is None and store.count == 1
     store.room.allow(4)
     assert joining.finish() is not None and store.count == 2
+
+
+def test_a_join_is_noted_before_the_map_shows_it_and_waits_for_memory_to_note_it():
+    frames, poses = room_frames(), room_poses()
+    store = _map(6)
+    fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+    for k in range(3):
+        fragment.store.append(frames[k], poses[k])
+    noted: list[tuple[int, JoinedFragment]] = []
+
+    def note(joined: JoinedFragment) -> None:
+        noted.append((store.count, joined))
+        if len(noted) < 3:
+            raise OutOfMemoryError("full")
+
+    joining = Joining(fragment, store, _IN_ORIGIN, note)
+    steps = [joining.step() for _ in range(4)]
+    assert steps[:3] == [None] * 3 and steps[3] is noted[2][1]
+    assert [count for count, _ in noted] == [1, 1, 1] and store.count == 4
+    assert noted[2][1].keyframes.tolist() == [1, 2, 3]
 
 
 def test_covariances_are_turned_into_the_axes_of_the_map():

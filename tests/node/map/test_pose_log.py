@@ -123,7 +123,9 @@ def test_frames_of_a_fragment_are_lost_until_it_joins_the_map():
         log.append(row)
     rows = log.rows()
     assert log.joined(rows) is rows
-    log.join(1, np.array([5, 5]), np.stack([np.eye(4), aside]))
+    log.prepare_join(1, np.array([5, 5]), np.stack([np.eye(4), aside]))
+    assert log.joined(rows) is rows  # its keyframes are not in the map yet
+    log.join(1)
     joined = log.joined(rows)
     assert joined["status"].tolist() == [TRACKED, TRACKED, DEAD_RECKONED, LOST]
     assert joined["keyframe"].tolist() == [0, 5, 5, 1]

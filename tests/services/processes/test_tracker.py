@@ -16,6 +16,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map import pose_log
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -129,6 +130,34 @@ def test_a_restarted_tracker_goes_on_with_an_index_that_is_a_time_in_ns(
     assert kind == (
         "absurd" if frames == 1 else "new"
     )  # one frame does not show the camera's steps
+
+
+def test_a_fragment_that_joined_as_its_tracker_died_keeps_its_poses(
+    make_run: Callable[..., RunInfo],
+):
+    """The map has the fragment's keyframe, and the log does not say yet that it joined."""
+    run, frame = make_run(source="zenoh:", slam=SMALL), room_frames()[0]
+    with Worker("tracker", replace(run, supervisor_pid=os.getppid())) as worker:
+        store = KeyframeStore.create(worker.arena, frame.camera, frame.depth_units_per_m, 16)
+        store.append(frame, np.eye(4))
+        log = PoseLog(worker.arena)
+        log.append(_lost_in_fragment(1))
+        staging = store.staging()
+        staging.add(frame)
+        log.prepare_join(1, np.array([store.count]), np.eye(4)[None])
+        one, sure = np.eye(4)[None], np.zeros((1, 6, 6))
+        store.append_staged(staging, one, sure, sure, 1)
+        assert log.joined(log.rows())["status"].tolist() == [LOST]
+        _TrackerLoop(worker, worker.bus.subscribe(topics.FRAME, 4), FrameOrder())
+        assert log.joined(log.rows())["status"].tolist() == [TRACKED]
+
+
+def _lost_in_fragment(fragment: int) -> np.ndarray:
+    T = np.eye(4)
+    return pose_log.pose_row(
+        index=0, source_stamp_ns=0, stamp_ns=0, publish_ns=0, status=LOST, keyframe=0, T_world_cam=T,
+        T_keyframe_cam=T, quality=0.0, map_version=0, publisher=_CAMERA, fragment=fragment,
+    )  # fmt: skip
 
 
 def _one_slab(log: PoseLog, k: int, slab=PoseLog._slab) -> np.ndarray:
