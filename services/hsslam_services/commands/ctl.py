@@ -39,7 +39,7 @@ from hsslam_services.bus.ask import (
 )
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
-from hsslam_services.commands.output_files import default_mesh_file
+from hsslam_services.commands.output_files import default_mesh_file, print_written
 from hsslam_services.commands.point_table import print_answers
 from hsslam_services.governor.levels import LEVELS
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
@@ -190,11 +190,13 @@ def _show(answer: Message, options: CtlOptions) -> None:
             print_status(answer)
         case Mesh():
             _write_mesh(answer, options.out or default_mesh_file())
-        case TrajectoryRows() if options.out is None:
-            print(tum_text(trajectory_of(answer)), end="")
         case TrajectoryRows():
-            _write(options.out, tum_text(trajectory_of(answer)).encode())
-            print(f"{options.out}: {answer.count} poses")
+            text = tum_text(trajectory_of(answer))
+            if options.out is None:
+                print(text, end="")
+            else:
+                _write(options.out, text.encode())
+                print_written(options.out, f"{answer.count} poses")
         case PointAnswers():
             print_answers(np.array([options.numbers()]), answers_of(answer), as_json=options.json)
         case Located():
@@ -216,11 +218,10 @@ def _write_mesh(mesh: Mesh, path: Path) -> None:
     data = triangles.export(file_type="ply")
     assert isinstance(data, bytes)
     _write(path, data)
-    print(f"{path}: {mesh.face_count} triangles of map version {mesh.map_version}")
+    print_written(path, f"{mesh.face_count} triangles of map version {mesh.map_version}")
 
 
-def _write(path: Path | None, data: bytes) -> None:
-    assert path is not None
+def _write(path: Path, data: bytes) -> None:
     try:
         write_durably(path, data)
     except OSError as error:

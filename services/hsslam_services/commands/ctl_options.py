@@ -9,7 +9,7 @@ from typing import ClassVar, get_args
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_proto.request_messages import Mode
 from hsslam_proto.requests import REQUESTS
-from hsslam_services.commands.output_files import default_mesh_file
+from hsslam_services.commands.output_files import default_mesh_file, expect_file
 from hsslam_services.run.maps_folder import expect_map_name
 
 _MODES: tuple[str, ...] = get_args(Mode)
@@ -147,5 +147,5 @@ class CtlOptions:
             default_mesh_file()
         if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
             raise UserError(f"--out {self.out}: expected a file .ply, the format of mesh")
-        if self.out is not None and not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in a folder that exists")
+        if self.out is not None:
+            expect_file("--out", self.out)

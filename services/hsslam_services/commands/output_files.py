@@ -1,6 +1,10 @@
 """Files and folders that options name for results; checked before long work."""
 
+import contextlib
+import io
 import os
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -28,6 +32,32 @@ def expect_writable_folder(option: str, folder: Path) -> None:
         raise UserError(
             f"{option} {folder}: {error.strerror}: expected a folder that can be written"
         ) from None
+
+
+def expect_file(option: str, path: Path, suffixes: Sequence[str] = ()) -> None:
+    """Raise UserError unless the file of an option has one of the suffixes (none: any) and can be written; a
+    pipe or a device, such as /dev/stdout, is not tried."""
+    folder = path.absolute().parent
+    if (suffixes and path.suffix.lower() not in suffixes) or path.is_dir() or not folder.is_dir():
+        kind = f" {' or '.join(suffixes)}" if suffixes else ""
+        raise UserError(f"{option} {path}: expected a file{kind} in a folder that exists")
+    if path.exists() and not path.is_file():
+        return
+    try:
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise UserError(
+            f"{option} {path}: {error.strerror}: expected a file that can be written"
+        ) from None
+
+
+def print_written(path: Path, what: str) -> None:
+    """Print what the file of an option has, but on stderr if the file is stdout."""
+    with contextlib.suppress(OSError, io.UnsupportedOperation):
+        if os.path.samestat(path.stat(), os.fstat(sys.stdout.fileno())):
+            print(f"{path}: {what}", file=sys.stderr)
+            return
+    print(f"{path}: {what}")
 
 
 def is_run_folder(folder: Path) -> bool:

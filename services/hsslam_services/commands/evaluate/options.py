@@ -119,5 +119,7 @@ class EvalOptions:
                 f"--source {self.source}: its frames cannot be read again: expected the log of its run, as "
                 "mcap:RUN, or a recording"
             )
+        if self.views and not self.run:
+            raise UserError("--views: draws a saved map: expected with a RUN")
         if self.against == "tsdf" and not self.run and self.trajectory is None:
             raise UserError("--against tsdf: needs poses: expected --trajectory FILE, or a RUN")

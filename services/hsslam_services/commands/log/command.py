@@ -22,6 +22,7 @@ from hsslam_services.commands.log.options import (
     RecoverOptions,
     TrimOptions,
 )
+from hsslam_services.commands.output_files import print_written
 from hsslam_services.log.reading.files import expect_closed, log_files, log_parts
 from hsslam_services.log.recovery import recover
 
@@ -71,7 +72,7 @@ def _trim(args: Sequence[str]) -> None:
     files = log_parts(_given("trim", "IN", options.log), _echo)
     out = user_path(_given("trim", "OUT", options.out))
     count = trim(files, out, options.start, options.end)
-    print(f"{out}: {count} messages")
+    print_written(out, f"{count} messages")
 
 
 def _export(args: Sequence[str]) -> None:

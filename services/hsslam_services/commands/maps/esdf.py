@@ -14,11 +14,11 @@ from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.distance.states import FREE, OCCUPIED
 from hsslam_services.commands.maps.whole_space import (
     expect_far,
-    expect_out,
     expect_space,
     floor_and_space,
     map_file,
 )
+from hsslam_services.commands.output_files import expect_file
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,9 @@ class EsdfOptions:
 
 def write_distances(options: EsdfOptions) -> None:
     """Run the command."""
-    saved = SavedMap.open(map_file(options.run, "esdf"), "cpu")
-    expect_out(options.out, ".npz")
+    path = map_file(options.run, "esdf")
+    expect_file("--out", options.out, (".npz",))
+    saved = SavedMap.open(path, "cpu")
     floor, space = floor_and_space(
         saved, options.up, options.base_T_camera, options.voxel, options.far_m
     )

@@ -22,8 +22,8 @@ from hsslam_services.commands.maps.export_views import (
     write_nerfstudio,
 )
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
-from hsslam_services.commands.maps.whole_space import expect_out, map_file
-from hsslam_services.commands.output_files import MESH_FILE, default_mesh_file
+from hsslam_services.commands.maps.whole_space import map_file
+from hsslam_services.commands.output_files import MESH_FILE, default_mesh_file, expect_file
 
 _TEXTURED = ("glb", "obj")
 _OF_VIEWS = ("nerfstudio", "colmap")
@@ -131,7 +131,7 @@ def _write_usd(out: Path, _: SavedMap, mesh: Trimesh) -> str:
 
 
 def _expect_usd(out: Path) -> None:
-    expect_out(out, ".usd")
+    expect_file("--out", out, (".usd",))
     expect_usd()
 
 
@@ -153,7 +153,7 @@ class _Kind(NamedTuple):
 
 
 def _file(suffix: str) -> Callable[[Path], None]:
-    return lambda out: expect_out(out, suffix)
+    return lambda out: expect_file("--out", out, (suffix,))
 
 
 def _by_suffix() -> dict[str, Format]:

@@ -1,6 +1,7 @@
 """Writes a textured mesh of a saved map as glTF, or as Wavefront obj with material and image."""
 
 import contextlib
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,6 @@ def _write_obj(out: Path, textured: Trimesh) -> None:
     textured.visual.material.name = name  # type: ignore[union-attr]
     text, beside = export_obj(textured, return_texture=True, mtl_name=f"{name}.mtl")
     with contextlib.ExitStack() as all_complete:  # older files stay, unless all new ones fit
-        for name, data in ((out.name, text.encode()), *beside.items()):  # type: ignore[union-attr]
+        for name, data in ((out.name, os.fsencode(text)), *beside.items()):  # type: ignore
             partial = all_complete.enter_context(out_file(out.with_name(name)))
             partial.write_bytes(data)

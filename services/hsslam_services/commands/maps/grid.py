@@ -13,11 +13,11 @@ from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.whole_space import (
     expect_far,
-    expect_out,
     expect_space,
     floor_and_space,
     map_file,
 )
+from hsslam_services.commands.output_files import expect_file
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,9 @@ class GridOptions:
 
 def write_grid(options: GridOptions) -> None:
     """Run the command."""
-    saved = SavedMap.open(map_file(options.run, "grid"), "cpu")
-    expect_out(options.out, ".yaml")
+    path = map_file(options.run, "grid")
+    expect_file("--out", options.out, (".yaml",))
+    saved = SavedMap.open(path, "cpu")
     floor, space = floor_and_space(
         saved, options.up, options.base_T_camera, options.voxel, options.far_m
     )

@@ -12,7 +12,7 @@ from hsslam_node.export.mesh_file import write_mesh
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import map_file
-from hsslam_services.commands.output_files import default_mesh_file
+from hsslam_services.commands.output_files import default_mesh_file, expect_file
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
 _PROG = "hsslam-mesh"
@@ -57,8 +57,7 @@ class MeshOptions:
     def expect_files(self) -> tuple[Path, Path]:
         """The files of map and mesh; UserError if no map is given, or the mesh cannot be there."""
         path, out = map_file(self.map, "mesh"), self.out or default_mesh_file()
-        if not out.absolute().parent.is_dir():
-            raise UserError(f"--out {out}: expected a file in a folder that exists")
+        expect_file("--out", out)
         return path, out
 
 

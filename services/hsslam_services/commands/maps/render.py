@@ -18,6 +18,7 @@ from hsslam_node.geometry.trajectory import read_tum
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.maps.surface import out_file
 from hsslam_services.commands.maps.whole_space import map_file
+from hsslam_services.commands.output_files import as_utf8, expect_file
 
 _PROG = "hsslam-render"
 _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
@@ -75,11 +76,10 @@ class RenderOptions:
             raise UserError(f"--fov-deg {self.fov_deg}: expected 1 to 170 degrees")
         if not 0.1 <= self.rate_hz <= 240:
             raise UserError(f"--rate-hz {self.rate_hz}: expected 0.1 to 240")
-        if self.video is not None and not (
-            self.video.suffix.lower() in _CODECS and self.video.absolute().parent.is_dir()
-        ):
-            expected = "expected a file .mp4 or .avi in a folder that exists"
-            raise UserError(f"--video {self.video}: {expected}")
+        if self.video is not None:
+            expect_file("--video", self.video, tuple(_CODECS))
+            if as_utf8(str(self.video.absolute())) != str(self.video.absolute()):
+                raise UserError(f"--video {self.video}: OpenCV writes to paths in UTF-8 alone")
 
     def expect_inputs(self) -> tuple[Path, Path]:
         """The map and the trajectory; UserError if one is not given."""

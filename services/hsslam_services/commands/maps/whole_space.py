@@ -63,12 +63,6 @@ def expect_far(far_m: float) -> None:
         )
 
 
-def expect_out(path: Path, suffix: str) -> None:
-    """Raise UserError unless `--out` is a file with this suffix in a folder that exists."""
-    if path.suffix.lower() != suffix or not path.absolute().parent.is_dir():
-        raise UserError(f"--out {path}: expected a file {suffix} in a folder that exists")
-
-
 def floor_and_space(
     saved: SavedMap,
     up: tuple[float, ...],

@@ -267,6 +267,10 @@ def _log(folder: Path, metadata: dict[str, str]) -> Path:
         (["--mesh", "m.ply", *_SOURCE, "--depth-view", "x"], "depth-view"),
         (["--mesh", "m.ply", *_SOURCE, "--tsdf.voxel-m", "0.01"], "expected with --against tsdf"),
         (["--views", "--no-rendering"], "--views: expected without --no-rendering"),
+        (
+            ["--trajectory", "t.txt", *_SOURCE, "--views"],
+            "--views: draws a saved map: expected with a RUN",
+        ),
         (["--trajectory", "TRAJECTORY", "--source", "synth:rom"], "synth:room"),
     ],
 )
