@@ -54,7 +54,8 @@ class Realtime:
         self._late_ns = round(_LATE * 1e9 * period_s)
         self._period_ns, self._last_due_ns = round(1e9 * period_s), 0
         self._read_ns = -1  # stamp of the last frame that was read
-        self._steps_read = self._steps_sent = 0  # steps back in the stamps
+        # of the newest frame that was read after a step back in the stamps, and of the last one sent
+        self._step_index = self._sent_index = -1
         self._wall = WallClock()
         self._maps = worker.bus.subscribe(topics.MAP, 1)
         self._poses = worker.bus.subscribe(topics.POSE, 8)
@@ -71,8 +72,10 @@ class Realtime:
         and send it again if tracker or recorder do not get it: the world of a log is its first frame."""
         if not self._progress.pinned_ns:
             self._send_until_answered(frame)
+            self._sent_index = frame.index
             return
         due_ns = self._due_ns(frame)
+        self._sent_index = frame.index
         self._sleep_until(due_ns)
         stamp_ns = self._stamp_ns(due_ns)
         frame = self._sensors.given(frame, stamp_ns)
@@ -85,10 +88,11 @@ class Realtime:
         After a step back in the stamps, no frame is late until `send` has set the clock by that frame. A
         frame with the stamp of the one before is never late.
         """
-        self._steps_read += source_ns < self._read_ns
+        if source_ns < self._read_ns:
+            self._step_index = index
         is_repeated = _is_repeated(source_ns, self._read_ns)
         self._read_ns = source_ns
-        if not self._progress.pinned_ns or self._steps_read > self._steps_sent or is_repeated:
+        if not self._progress.pinned_ns or self._step_index > self._sent_index or is_repeated:
             return False
         return self._late_ns < self.lag_ns(source_ns) < _LARGEST_LAG_NS
 
@@ -161,7 +165,6 @@ class Realtime:
         wait_ns = self._progress.due_ns(frame.stamp_ns, self._scale) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
         if is_back:
-            self._steps_sent += 1
             self._worker.count("steps back")
             back_s = (self._progress.last_source_ns - frame.stamp_ns) / 1e9
             self._report(frame, f"its stamp is {back_s:g} s before the previous one")

@@ -149,8 +149,9 @@ class _SlowSource:
 
 
 @pytest.fixture
-def played() -> Iterator[Callable[[_SlowSource], list[tuple[Any, float]]]]:
-    """Plays a source to its end: each item, and by how much it was sent too late, s (late frames: 0)."""
+def played() -> Iterator[Callable[..., list[tuple[Any, float]]]]:
+    """Plays a source to its end: each item, and by how much it was sent too late, s (late frames: 0). The
+    items before number `before_map` come while there is no map, and are left out."""
     endpoint = free_endpoint()
     router = open_router(endpoint)
     with Bus(endpoint, "r", "camera") as bus:
@@ -166,11 +167,20 @@ def played() -> Iterator[Callable[[_SlowSource], list[tuple[Any, float]]]]:
             cast(Worker, worker), frames, progress, 1.0, sensors, lambda: 0, 1 / _RATE_HZ
         )
 
-        def play(source: _SlowSource) -> list[tuple[Any, float]]:
-            progress.pinned_ns, progress.last_source_ns = time.monotonic_ns(), -1
-            sent = []
+        def play(source: _SlowSource, before_map: int = 0) -> list[tuple[Any, float]]:
+            progress.pinned_ns = 0 if before_map else time.monotonic_ns()
+            progress.last_source_ns, sent = -1, []
             for item in Prefetch(source.frames_in_time(0, pace.is_late), 3):
                 behind_s = 0.0
+                if item.index < before_map:
+                    stop.set()  # else it waits for the tracker's answer
+                    pace.send(item)
+                    stop.clear()
+                    progress.last_source_ns = item.stamp_ns
+                    if item.index == before_map - 1:
+                        progress.pinned_source_ns = item.stamp_ns
+                        progress.pinned_ns = time.monotonic_ns()
+                    continue
                 if isinstance(item, Frame):
                     pace.send(item)
                     behind_s = (time.monotonic_ns() - progress.due_ns(item.stamp_ns, 1.0)) / 1e9
@@ -200,3 +210,9 @@ def test_frames_after_a_step_back_are_not_late(played):
     stamps_s = np.concatenate([0.5 + np.arange(20) / _RATE_HZ, np.arange(20) / _RATE_HZ])
     sent = played(_SlowSource(0.2, stamps_s))
     assert sum(isinstance(item, LateFrame) for item, _ in sent) <= 2  # this machine paused
+
+
+def test_a_step_back_before_the_first_map_leaves_frames_out_that_are_late(played):
+    stamps_s = np.concatenate([0.5 + np.arange(3) / _RATE_HZ, np.arange(100) / _RATE_HZ])
+    sent = played(_SlowSource(2.5, stamps_s), before_map=4)
+    assert sum(isinstance(item, LateFrame) for item, _ in sent) >= 40
