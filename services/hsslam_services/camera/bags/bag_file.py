@@ -32,6 +32,7 @@ _EXPECTED = (  # by a part of the reason that rosbags gives
     ),
     ("is not indexed", f"{_WHOLE}: rosbag reindex repairs a file that is cut off"),
     ("index looks damaged", f"{_WHOLE}: rosbag reindex repairs a file that is cut off"),
+    ("No space left on device", "expected room in $TMPDIR, where compressed files are unpacked"),
     ("format '.zst", "expected the folder with metadata.yaml, or the file as zstd -d unpacks it"),
 )
 

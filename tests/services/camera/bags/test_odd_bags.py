@@ -1,6 +1,8 @@
 """Bags with something odd in them: it costs the frames that it concerns, and an error names it."""
 
+import errno
 import gc
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,6 +81,18 @@ def test_a_bag_with_compressed_files_is_unpacked_once(kind, room, tmp_path: Path
     del source
     gc.collect()
     assert not [*unpacked.iterdir()]
+
+
+def test_a_disk_too_full_to_unpack_a_bag_is_named(room, tmp_path: Path, monkeypatch):
+    with new_bag(tmp_path / "bag", "db3", CompressionMode.FILE) as bag:
+        bag.frame(room[0])
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/tmp/unpacked.db3")
+
+    monkeypatch.setattr("rosbags.rosbag2.reader.TemporaryDirectory", full)
+    with pytest.raises(UserError, match=r"expected room in \$TMPDIR, where compressed files"):
+        opened(tmp_path / "bag", room[0].depth_units_per_m)
 
 
 def _cut(path: Path) -> Path:
