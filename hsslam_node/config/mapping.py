@@ -30,6 +30,8 @@ class LossWeights:
     """Weight of the SDF loss in the rest of the truncation band."""
     free_space: float = 5.0
     """Weight of the free-space loss."""
+    free_sdf: float = 1.0
+    """SDF to which free space is pulled, in truncations; below 1, free space with more SDF has no loss."""
     blind_color: float = 1.0
     """Colour weight of a ray without depth, relative to one with depth; 0 leaves out pixels without depth."""
     patch: float = 0.5
@@ -39,6 +41,7 @@ class LossWeights:
 
     def __post_init__(self) -> None:
         expect_not_negative(self, "weights", *self.__dataclass_fields__)
+        expect_in_range(self, "weights", "free_sdf", 0.1, 1.0)
 
 
 @dataclass(frozen=True)

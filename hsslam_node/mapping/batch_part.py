@@ -23,11 +23,12 @@ class BatchPart:
     """Work space of one part, and its results for R rays."""
 
     def __init__(
-        self, layout: KernelLayout, rays: int, sampling: SamplingPattern, truncation_m: float
-    ) -> None:
+        self, layout: KernelLayout, rays: int, sampling: SamplingPattern, truncation_m: float,
+        free_sdf: float = 1.0,
+    ) -> None:  # fmt: skip
         S = sampling.count
         self._sampling = sampling
-        self._truncation_m = truncation_m
+        self._truncation_m, self._free_sdf = truncation_m, free_sdf
         self._acts = field_activations(layout, rays * S)
         self._points = np.zeros((rays * S, 3), np.float32)
         self._d_points = np.zeros((rays * S, 3), np.float32)
@@ -112,8 +113,8 @@ class BatchPart:
         self.d_log_beta = losses_backward(
             acts.sdf[:n].reshape(z.shape), acts.rgb[:n].reshape(R, -1, 3), self.inside, z,
             self._beta, self._weights[:R], self.color, self.depth, color, depth, ray_weight,
-            loss_weight, self._truncation_m, d_color, *batch, self._d_sdf[:R], self._d_rgb[:R],
-            self.ray_loss, self.terms,
+            loss_weight, self._truncation_m, self._free_sdf, d_color, *batch, self._d_sdf[:R],
+            self._d_rgb[:R], self.ray_loss, self.terms,
         )  # fmt: skip
 
     def backward(

@@ -68,12 +68,12 @@ class MapOptimiser:
         self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._batch = ray_batch(rays)
         parts = config.mapper.parts
+        w, T = config.weights, config.field.truncation_m
         self._parts = [
-            BatchPart(self._layout, -(-rays // parts), config.sampling, config.field.truncation_m)
+            BatchPart(self._layout, -(-rays // parts), config.sampling, T, w.free_sdf)
             for _ in range(parts)
         ]
         self._threads = Threads(threads)
-        w = config.weights
         self._loss_weight = np.array(
             [w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space], np.float32
         )

@@ -91,9 +91,17 @@ def sdf_losses(
 
 
 def free_space_loss(
-    sdf: Tensor, z: Tensor, measured: Tensor, inside: Tensor, truncation_m: float
+    sdf: Tensor,
+    z: Tensor,
+    measured: Tensor,
+    inside: Tensor,
+    truncation_m: float,
+    free_sdf: float = 1.0,
 ) -> Tensor:
-    """Squared difference of the signed distance from 1 in front of the surface (z < D - T).
+    """Squared difference of the signed distance from `free_sdf` in front of the surface (z < D - T).
+
+    With `free_sdf` below 1, samples with a larger signed distance have no loss: along a ray that meets the
+    surface at a small angle, they are closer to it than T, and 1 would be wrong there.
 
     The paper's condition |z - D| >= T would make the space behind surfaces free; that space is not
     supervised here. Mean over rays with depth of the ray's mean over its samples there.
@@ -104,12 +112,14 @@ def free_space_loss(
         measured: [R] m, D, 0 = no measurement.
         inside: [R, S] bool, samples within the bound.
         truncation_m: T, m.
+        free_sdf: in units of the truncation; 1 in the paper.
 
     Source: paper III-B.
     """
     rays = measured > 0
     free = inside & rays[:, None] & (z < measured[:, None] - truncation_m)
-    return mean_of_ray_means((sdf - 1.0).square(), free, rays)
+    e = sdf - free_sdf if free_sdf == 1.0 else (sdf - free_sdf).clamp(max=0.0)
+    return mean_of_ray_means(e.square(), free, rays)
 
 
 _C1, _C2 = 0.01**2, 0.03**2  # SSIM's constants for a range of 1

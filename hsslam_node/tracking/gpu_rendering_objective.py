@@ -31,7 +31,8 @@ class GpuRenderingObjective:
         R = self._config.pixels
         truncation_m = config.field.truncation_m
         # one pose, so all slots are 0
-        self._batch = GpuBatch(layout, R, 1, config.sampling, truncation_m, device)
+        free_sdf = config.weights.free_sdf
+        self._batch = GpuBatch(layout, R, 1, config.sampling, truncation_m, free_sdf, device)
         self._result = StagedArray((7,), torch.float32, device)  # loss, gradient by the pose
 
         def zeros(*shape: int) -> Tensor:

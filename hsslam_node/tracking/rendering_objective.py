@@ -83,7 +83,10 @@ class RenderingObjective:
         if not self._parts:
             rays = -(-self._config.pixels // _PARTS)
             sampling, T = self._slam.sampling, self._slam.field.truncation_m
-            self._parts = [BatchPart(view.layout, rays, sampling, T) for _ in range(_PARTS)]
+            free_sdf = self._slam.weights.free_sdf
+            self._parts = [
+                BatchPart(view.layout, rays, sampling, T, free_sdf) for _ in range(_PARTS)
+            ]
         self._frame_rays.observe(frame)
 
     def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:

@@ -42,6 +42,8 @@ ZERO_OR_MORE = {
     "mesher": "every_s",
 }
 OTHERS = [  # value, and the nearest one that is good
+    ("weights", "free_sdf", 0.0, 0.1),
+    ("weights", "free_sdf", 1.1, 1.0),
     ("mapper", "depth_window_px", 0, 1),
     ("tracker", "depth_window_px", 16, 15),
     ("mapper", "parts", 0, 1),

@@ -28,6 +28,7 @@ def losses_backward(
     ray_weight: Tensor,
     loss_weight: Tensor,
     truncation_m: float,
+    free_sdf: float,
     d_color_extra: Tensor,
     ray_count: Tensor,
     d_sdf: Tensor,
@@ -38,6 +39,7 @@ def losses_backward(
 ) -> None:
     """Losses of the first `ray_count` rays and their gradients by SDF [R, S] and colour [R, S, 3].
 
+    `free_sdf` is that of `free_space_loss`.
     `loss_weight` [5] and `terms` [5] are in the order colour, depth, SDF middle, SDF tail, free space;
     `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise), and the colour of a ray
     without depth; `d_color_extra` [R, 3] is the gradient of other losses by the rendered colour;
@@ -50,7 +52,7 @@ def losses_backward(
     B = block_size(BLOCK, z)
     _losses_backward[(triton.cdiv(R, B),)](
         sdf, rgb, inside, z, log_beta, weights, color, depth, measured_color, measured_depth,
-        ray_weight, loss_weight, truncation_m, d_color_extra, ray_count, R, S, d_sdf, d_rgb,
+        ray_weight, loss_weight, truncation_m, free_sdf, d_color_extra, ray_count, R, S, d_sdf, d_rgb,
         ray_loss, terms, d_log_beta, SP=triton.next_power_of_2(S), B=B,
     )  # fmt: skip
 
@@ -58,7 +60,7 @@ def losses_backward(
 @triton.jit(do_not_specialize=["R"], do_not_specialize_on_alignment=["log_beta", "d_log_beta"])
 def _losses_backward(
     sdf, rgb, inside, z, log_beta, weights, color, depth, measured_color, measured_depth,
-    ray_weight, loss_weight, T, d_color_extra, ray_count, R, S, d_sdf, d_rgb, ray_loss, terms,
+    ray_weight, loss_weight, T, free_sdf, d_color_extra, ray_count, R, S, d_sdf, d_rgb, ray_loss, terms,
     d_log_beta, SP: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     count = tl.load(ray_count)
@@ -118,7 +120,8 @@ def _losses_backward(
     middle = band & (tl.abs(offset) < _MIDDLE * T)
     tail = band & (tl.abs(offset) >= _MIDDLE * T)
     one = tl.full([B], 1.0, tl.float32)
-    e = phi - 1.0
+    e = phi - free_sdf
+    e = tl.where((free_sdf < 1.0) & (e > 0.0), 0.0, e)
     part, d_part = _sample_term(e, free, one, per_depth, loss_weight, terms, _FREE_SPACE)
     loss += part
     d += d_part

@@ -77,11 +77,13 @@ def samples_with_color(weights, least, sample):
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def losses_backward(
     sdf, rgb, inside, z, beta, weights, color, depth, measured_color, measured_depth, ray_weight,
-    loss_weight, truncation_m, d_color_extra, batch_rays, batch_depths, d_sdf, d_rgb, ray_loss, terms,
+    loss_weight, truncation_m, free_sdf, d_color_extra, batch_rays, batch_depths, d_sdf, d_rgb,
+    ray_loss, terms,
 ):  # fmt: skip
     """Losses of all rays and their gradients by SDF [R, S] and colour [R, S, 3] of the samples.
 
-    `loss_weight` [5] and `terms` [5] in the order COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE;
+    `free_sdf` is that of `free_space_loss`.
+    `loss_weight` [5] and `terms` [5] are in the order COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE;
     `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise), and the colour of a ray
     without depth; `d_color_extra` [R, 3] is the gradient of other losses by the rendered colour. The rays
     are part of a batch of `batch_rays`, `batch_depths` of them with depth: means are over these. `ray_loss`
@@ -91,6 +93,7 @@ def losses_backward(
     one = np.float32(1.0)
     b = np.float32(beta)
     T = np.float32(truncation_m)
+    free = np.float32(free_sdf)
     d_log_beta = 0.0
     per_ray = one / np.float32(batch_rays)
     per_depth = one / np.float32(max(batch_depths, 1))
@@ -155,7 +158,9 @@ def losses_backward(
             if D > 0:
                 offset = z[r, s] - D
                 if offset < -T:
-                    e = phi - one
+                    e = phi - free
+                    if free < one and e > np.float32(0.0):
+                        e = np.float32(0.0)
                     terms[FREE_SPACE] += e * e * scale_free * per_depth
                     loss += loss_weight[FREE_SPACE] * e * e * scale_free
                     d += loss_weight[FREE_SPACE] * np.float32(2.0) * e * scale_free * per_depth

@@ -31,11 +31,12 @@ class GpuBatch:
         slots: int,
         sampling: SamplingPattern,
         truncation_m: float,
+        free_sdf: float,
         device: Device,
     ) -> None:
         R, S = rays, sampling.count
         self._sampling = sampling
-        self._truncation_m = truncation_m
+        self._truncation_m, self._free_sdf = truncation_m, free_sdf
 
         def staged(*shape: int, dtype: torch.dtype = torch.float32) -> StagedArray:
             return StagedArray(shape, dtype, device)
@@ -96,7 +97,7 @@ class GpuBatch:
         losses_backward(
             *self._field_at_samples(), self._z, _log_beta(params, layout), self._weights,
             self.rendered_color, self.rendered_depth, color, depth, ray_weight, loss_weight,
-            self._truncation_m, d_color, self.ray_count.tensor, self.d_sdf, self.d_rgb,
+            self._truncation_m, self._free_sdf, d_color, self.ray_count.tensor, self.d_sdf, self.d_rgb,
             self.ray_loss.tensor, terms, d_log_beta,
         )  # fmt: skip
 

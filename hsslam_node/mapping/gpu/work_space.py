@@ -34,7 +34,9 @@ class GpuWorkSpace:
             return torch.zeros(shape, dtype=dtype, device=device.tensors_on)
 
         truncation_m = config.field.truncation_m
-        self.batch = GpuBatch(layout, rays, slots, config.sampling, truncation_m, device)
+        self.batch = GpuBatch(
+            layout, rays, slots, config.sampling, truncation_m, w.free_sdf, device
+        )
         self.ray_weight = staged(rays)
         self.windows = staged(_most_windows(rays, config), m.patch_kernel_px**2, dtype=torch.int32)
         self.cube = staged(*3 * (m.smoothness_vertices,), 3)

@@ -47,6 +47,14 @@ def test_space_in_front_wants_one_and_space_behind_nothing():
     assert float(loss) == pytest.approx((1.0 + 0.25) / 2)
 
 
+def test_space_in_front_costs_nothing_above_the_least_distance():
+    z = torch.tensor([[0.5, 1.0, 1.5, 3.0]])
+    sdf = torch.tensor([[0.0, 0.2, 0.7, -1.0]])
+    inside = torch.ones(1, 4, dtype=torch.bool)
+    loss = free_space_loss(sdf, z, torch.tensor([2.0]), inside, 0.06, free_sdf=0.3)
+    assert float(loss) == pytest.approx((0.09 + 0.01 + 0.0) / 3)
+
+
 T = 0.06
 
 

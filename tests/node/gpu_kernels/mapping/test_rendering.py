@@ -17,7 +17,7 @@ from tests.node.kernels.mapping.test_rendering import (
 )
 
 
-def _kernel(f, inside, ray_weight=None, count=None):
+def _kernel(f, inside, ray_weight=None, count=None, free_sdf=1.0):
     R, S = f["z"].shape
     t = {name: on_device(value) for name, value in f.items()}
     mask, log_beta = on_device(inside), on_device(np.log([BETA]).astype(np.float32))
@@ -29,7 +29,7 @@ def _kernel(f, inside, ray_weight=None, count=None):
     d_log_beta = empty(1)  # the kernel adds
     losses_backward(
         t["sdf"], t["rgb"], mask, t["z"], log_beta, weights, color, depth, t["measured_color"],
-        t["measured_depth"], trust, on_device(WEIGHT), T, t["extra"], counted, d_sdf, d_rgb,
+        t["measured_depth"], trust, on_device(WEIGHT), T, free_sdf, t["extra"], counted, d_sdf, d_rgb,
         ray_loss, terms, d_log_beta,
     )  # fmt: skip
     rendered = [x.cpu().numpy() for x in (weights, color, depth, opacity)]
@@ -37,11 +37,13 @@ def _kernel(f, inside, ray_weight=None, count=None):
     return rendered, terms.cpu().numpy(), gradients, ray_loss.cpu().numpy()
 
 
-@pytest.mark.parametrize(("seed", "S"), [(1, 12), (2, 16), (3, 1)])
-def test_rays_are_the_reference(close, seed, S):
+@pytest.mark.parametrize(
+    ("seed", "S", "free_sdf"), [(1, 12, 1.0), (1, 12, 0.3), (2, 16, 1.0), (3, 1, 1.0)]
+)
+def test_rays_are_the_reference(close, seed, S, free_sdf):
     f, inside = random_rays(37, S, seed)
-    rendered, terms, (d_sdf, d_rgb, d_log_beta), _ = _kernel(f, inside)
-    out, expected, (e_sdf, e_rgb, e_log_beta) = rays_by_reference(f, inside)
+    rendered, terms, (d_sdf, d_rgb, d_log_beta), _ = _kernel(f, inside, free_sdf=free_sdf)
+    out, expected, (e_sdf, e_rgb, e_log_beta) = rays_by_reference(f, inside, free_sdf)
     for actual, name in zip(rendered, ("weights", "color", "depth", "opacity"), strict=True):
         close(actual, getattr(out, name).detach().numpy())
     np.testing.assert_allclose(terms, expected, rtol=1e-4)
@@ -62,7 +64,7 @@ def test_ray_weights_and_ray_losses_are_the_twin(close):
     weights, color, depth, _ = rendered
     cpu.losses_backward(
         f["sdf"], f["rgb"], inside, f["z"], BETA, weights, color, depth, f["measured_color"],
-        f["measured_depth"], ray_weight, WEIGHT, T, f["extra"], R,
+        f["measured_depth"], ray_weight, WEIGHT, T, 1.0, f["extra"], R,
         np.count_nonzero(f["measured_depth"]), e_sdf, e_rgb, e_loss, e_terms,
     )  # fmt: skip
     close(ray_loss, e_loss)

@@ -24,7 +24,7 @@ def random_rays(R=40, S=12, seed=0):
     return f, inside.astype(np.uint8)
 
 
-def rays_by_reference(f, inside):
+def rays_by_reference(f, inside, free_sdf=1.0):
     t = {name: torch.from_numpy(value.astype(np.float64)) for name, value in f.items()}
     sdf, rgb = t["sdf"].requires_grad_(), t["rgb"].requires_grad_()
     log_beta = torch.tensor(np.log(BETA), dtype=torch.float64, requires_grad=True)
@@ -37,14 +37,14 @@ def rays_by_reference(f, inside):
             depth_loss(out.depth, t["measured_depth"]),
             middle,
             tail,
-            free_space_loss(sdf, t["z"], t["measured_depth"], mask, T),
+            free_space_loss(sdf, t["z"], t["measured_depth"], mask, T, free_sdf),
         ]
     )
     total = (terms * torch.from_numpy(WEIGHT).double()).sum() + (out.color * t["extra"]).sum()
     return out, terms.detach().numpy(), torch.autograd.grad(total, (sdf, rgb, log_beta))
 
 
-def _kernel(f, inside):
+def _kernel(f, inside, free_sdf=1.0):
     R, S = f["z"].shape
     weights, color = np.empty((R, S), np.float32), np.empty((R, 3), np.float32)
     depth, opacity = np.empty(R, np.float32), np.empty(R, np.float32)
@@ -53,7 +53,7 @@ def _kernel(f, inside):
     ray_loss, terms = np.empty(R, np.float32), np.empty(5, np.float64)
     d_log_beta = losses_backward(
         f["sdf"], f["rgb"], inside, f["z"], BETA, weights, color, depth, f["measured_color"],
-        f["measured_depth"], np.ones(R, np.float32), WEIGHT, T, f["extra"], R,
+        f["measured_depth"], np.ones(R, np.float32), WEIGHT, T, free_sdf, f["extra"], R,
         np.count_nonzero(f["measured_depth"]), d_sdf, d_rgb, ray_loss, terms,
     )  # fmt: skip
     return (weights, color, depth, opacity), terms, (d_sdf, d_rgb, d_log_beta), ray_loss
@@ -68,10 +68,11 @@ def test_rendering_is_the_reference(close):
     assert rendered[3][3] == 0.0
 
 
-def test_losses_and_gradients_are_the_reference(close):
+@pytest.mark.parametrize("free_sdf", [1.0, 0.3])
+def test_losses_and_gradients_are_the_reference(close, free_sdf):
     f, inside = random_rays()
-    _, terms, (d_sdf, d_rgb, d_log_beta), ray_loss = _kernel(f, inside)
-    _, expected, (e_sdf, e_rgb, e_log_beta) = rays_by_reference(f, inside)
+    _, terms, (d_sdf, d_rgb, d_log_beta), ray_loss = _kernel(f, inside, free_sdf)
+    _, expected, (e_sdf, e_rgb, e_log_beta) = rays_by_reference(f, inside, free_sdf)
     np.testing.assert_allclose(terms, expected, rtol=1e-4)
     close(d_sdf, e_sdf, 2e-4)
     close(d_rgb, e_rgb, 1e-4)
