@@ -39,6 +39,7 @@ REALTIME: Final = replace(
         first_iterations=150,
         last_iterations=8,
         first_rate_factor=1.0,
+        last_rate_factor=0.05,
         window_keyframes=20,
         newest_share=0.15,
         moved_share=0.5,

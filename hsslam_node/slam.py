@@ -154,8 +154,9 @@ class Slam:
         if self._mapper and self.store and self.parameters and not self.localise_only:
             while self._mapper.select_last(self.store):
                 pass
-            for _ in range(self._mapper.last_iterations(self.store)):
-                self._mapper.refine_sparse(self.store)
+            n = self._mapper.last_iterations(self.store)
+            for k in range(n):
+                self._mapper.refine_sparse(self.store, k / n)
             self._mapper.publish()
         if self._unsaved:
             unsaved, self._unsaved[:] = "; ".join(self._unsaved), []

@@ -80,6 +80,8 @@ class MapperConfig:
     """Iterations per keyframe after the last frame, over all keyframes."""
     first_rate_factor: float = 5.0
     """Factor of the learning rates on the first frame."""
+    last_rate_factor: float = 1.0
+    """Factor to which the learning rates fall during the last iterations."""
     window_keyframes: int = 20
     """Keyframes per iteration: the two newest and random others."""
     newest_share: float = 0.0
@@ -120,6 +122,7 @@ class MapperConfig:
     def __post_init__(self) -> None:
         expect_in_range(self, "mapper", "rays", 1, MOST_RAYS)
         expect_positive(self, "mapper", "first_rate_factor", "window_keyframes", "max_depth_m")
+        expect_positive(self, "mapper", "last_rate_factor")
         expect_positive(
             self, "mapper", "plane_rate", "hash_rate", "decoder_rate", "smoothness_every"
         )

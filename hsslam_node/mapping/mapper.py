@@ -75,13 +75,15 @@ class Mapper:
         self._take_results()
         return self._poses.take(store)
 
-    def refine_sparse(self, store: KeyframeStore) -> StepReport:
-        """One iteration that prefers surfaces with few observations; used after the last frame."""
+    def refine_sparse(self, store: KeyframeStore, done: float = 0.0) -> StepReport:
+        """One iteration that prefers surfaces with few observations; used after the last frame. `done`: share
+        of these iterations so far, 0 to 1; the learning rates fall with it to `last_rate_factor`."""
         if self._need is None or not np.array_equal(self._need.ids, store.kept()):
             self._need = RayNeed(store, self._config.max_depth_m)
         keyframes = self._need.keyframes(self._config.window_keyframes, self._generator(0))
         newest_first = bool(keyframes[0] == self._need.ids[-1])
-        return self._step(store, keyframes, 1.0, newest_first=newest_first, need=self._need)
+        factor = self._config.last_rate_factor**done
+        return self._step(store, keyframes, factor, newest_first=newest_first, need=self._need)
 
     def last_iterations(self, store: KeyframeStore) -> int:
         """Number of calls of `refine_sparse`: `last_iterations` for each keyframe, retired ones included, up

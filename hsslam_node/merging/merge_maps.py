@@ -139,9 +139,9 @@ def _max_depth_m(*maps: MapCheckpoint) -> float:
 def _refit(mapper: Mapper, store: KeyframeStore, iterations: int, track: Track) -> None:
     """Fit the map: this many iterations, then a run's last iterations."""
     mapper.grow_bound(store)
-    iterations += mapper.last_iterations(store)
-    for _ in track(range(iterations), description="map"):
-        mapper.refine_sparse(store)
+    last = mapper.last_iterations(store)
+    for k in track(range(iterations + last), description="map"):
+        mapper.refine_sparse(store, max(k - iterations, 0) / max(last, 1))
     mapper.publish()
 
 

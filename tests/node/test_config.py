@@ -18,7 +18,7 @@ ABOVE_ZERO = {
     "hash_base_resolution hash_finest_cell_m truncation_m beta_init",
     "sampling": "free_reach surface_reach",
     "keyframes": "every_frames recent views still capacity",
-    "mapper": "rays first_rate_factor window_keyframes max_depth_m plane_rate hash_rate "
+    "mapper": "rays first_rate_factor last_rate_factor window_keyframes max_depth_m plane_rate hash_rate "
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
     "photometric_huber max_step_m max_step_rad surface_gate_m surface_sigma_m surface_kernel "

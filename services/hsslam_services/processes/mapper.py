@@ -232,11 +232,12 @@ class _MapperLoop:
         with self._worker.arena.lease(PARAMETERS_LEASE):
             self._grow_bound(store)  # to keyframes without iterations under load
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
-        start, done = time.perf_counter(), 0
+        start, done, start_s = time.perf_counter(), 0, time.monotonic()
         while done == 0 or (done < n and time.monotonic() < end_s and not self._worker.is_orphan()):
             with self._worker.arena.lease(PARAMETERS_LEASE):
                 for _ in range(min(_SLICE, n - done)):
-                    report = self._mapper.refine_sparse(store)
+                    of_time = (time.monotonic() - start_s) / max(end_s - start_s, 1e-3)
+                    report = self._mapper.refine_sparse(store, min(max(done / n, of_time), 1.0))
                     done += 1
                 self._mapper.publish()
             self._worker.should_stop()  # counts as a turn of the loop

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.field.sdf_query import query_sdf
@@ -47,6 +48,18 @@ def test_the_trained_map_knows_the_surface():
     assert (before > 0).mean() > 0.95 and (behind < 0).mean() > 0.9
     least_m = SMALL.weights.free_sdf * SMALL.field.truncation_m
     assert (_surface_sdf(room, 0.3) > least_m).mean() > 0.95  # free space
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.1])
+def test_the_steps_of_the_last_iterations_get_smaller(factor):
+    changes = []
+    for done in (0.0, 1.0):
+        room = mapped_room()
+        config = replace(SMALL, mapper=replace(SMALL.mapper, last_rate_factor=factor))
+        mapper, before = Mapper(config, room.parameters, 0), room.parameters.params.copy()
+        mapper.refine_sparse(room.store, done)
+        changes.append(np.linalg.norm(room.parameters.params - before))
+    assert changes[1] == pytest.approx(factor * changes[0], rel=0.01)
 
 
 def test_the_same_seed_gives_the_same_parameters_to_the_bit():
