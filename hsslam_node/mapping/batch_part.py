@@ -24,7 +24,7 @@ class BatchPart:
 
     def __init__(
         self, layout: KernelLayout, rays: int, sampling: SamplingPattern, truncation_m: float,
-        free_sdf: float = 1.0,
+        free_sdf: float,
     ) -> None:  # fmt: skip
         S = sampling.count
         self._sampling = sampling
