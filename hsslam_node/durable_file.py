@@ -17,6 +17,11 @@ _PRIVATE = 0o600
 _PARTIAL = ".hsslam-"  # begin of the names of temporary files
 
 
+def is_stream(path: Path) -> bool:
+    """Whether the path is a pipe or a device, such as /dev/stdout: it is written in place."""
+    return path == _STDOUT or (path.exists() and not path.is_file() and not path.is_dir())
+
+
 @contextlib.contextmanager
 def durable_file(
     path: Path | str, *, private: bool = False, suffix: str | None = None
@@ -35,7 +40,7 @@ def durable_file(
     path = Path(path)
     if "\0" in str(path):
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), repr(str(path)))
-    if path == _STDOUT or (path.exists() and not path.is_file() and not path.is_dir()):
+    if is_stream(path):
         with tempfile.TemporaryDirectory() as folder:
             yield (whole := Path(folder) / path.name)
             with whole.open("rb") as source, _opened(path) as stream:

@@ -4,14 +4,14 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 import msgspec
 
-from hsslam_node.durable_file import write_durably
+from hsslam_node.durable_file import is_stream, write_durably
 from hsslam_node.errors import UserError
 from hsslam_services.run.run_info import RUN_FILE
 
@@ -25,30 +25,21 @@ def expect_writable_folder(option: str, folder: Path) -> None:
     Raises:
         UserError: it cannot be written.
     """
-    try:
+    with _refused(f"{option} {folder}", "a folder that can be written"):
         folder.mkdir(parents=True, exist_ok=True)
         TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise UserError(
-            f"{option} {folder}: {error.strerror}: expected a folder that can be written"
-        ) from None
 
 
 def expect_file(option: str, path: Path, suffixes: Sequence[str] = ()) -> None:
     """Raise UserError unless the file of an option has one of the suffixes (none: any) and can be written; a
-    pipe or a device, such as /dev/stdout, is not tried."""
-    folder = path.absolute().parent
+    link is followed, and a pipe or a device, such as /dev/stdout, is not tried."""
+    folder = Path(os.path.realpath(path)).parent
     if (suffixes and path.suffix.lower() not in suffixes) or path.is_dir() or not folder.is_dir():
         kind = f" {' or '.join(suffixes)}" if suffixes else ""
         raise UserError(f"{option} {path}: expected a file{kind} in a folder that exists")
-    if path.exists() and not path.is_file():
-        return
-    try:
-        TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise UserError(
-            f"{option} {path}: {error.strerror}: expected a file that can be written"
-        ) from None
+    if not is_stream(path):
+        with _refused(f"{option} {path}", "a file that can be written"):
+            TemporaryFile(dir=folder).close()
 
 
 def print_written(path: Path, what: str) -> None:
@@ -98,11 +89,18 @@ def write_json_file(path: Path, document: Any) -> None:
     Raises:
         UserError: the file cannot be written.
     """
-    try:
+    with _refused(f"--json {path}", "a file to write"):
         encoded = msgspec.json.encode(_in_utf8(msgspec.to_builtins(document)))
         write_durably(path, msgspec.json.format(encoded) + b"\n")
+
+
+@contextlib.contextmanager
+def _refused(given: str, expected: str) -> Iterator[None]:
+    """Raise UserError instead of an OSError in the block: what was given, the reason, what was expected."""
+    try:
+        yield
     except OSError as error:
-        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+        raise UserError(f"{given}: {error.strerror}: expected {expected}") from None
 
 
 def _in_utf8(value: Any) -> Any:

@@ -247,7 +247,7 @@ class _TrackerLoop:
 
     def _join(self, joined: JoinedFragment) -> None:
         """Record and publish that a fragment has joined the map."""
-        self._poses.join(joined.fragment)
+        self._poses.log.join(joined.fragment)
         self._keyframes.put_joined(joined)
 
     def _pose_version(self) -> int:

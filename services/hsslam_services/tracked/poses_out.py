@@ -112,10 +112,6 @@ class PosesOut:
                 self._worker.event("warning", text)
             raise
 
-    def join(self, fragment: int) -> None:
-        """From now on the logged poses of a fragment are in the map, which has its keyframes."""
-        self.log.join(fragment)
-
     def complete_joins(self, store: KeyframeStore) -> None:
         """Join the fragment whose keyframes a former tracker showed, if it then died."""
         for fragment in np.unique(store.fragments()).tolist():

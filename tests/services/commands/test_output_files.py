@@ -72,6 +72,9 @@ def test_a_file_of_an_option_has_its_suffix_and_is_no_folder(tmp_path):
             expect_file("--out", tmp_path / name, (".glb", ".ply"))
     expect_file("--out", tmp_path / "B.PLY", (".glb", ".ply"))
     expect_file("--out", Path("/dev/stdout"))
+    (tmp_path / "link.ply").symlink_to("/proc/x.ply")
+    with pytest.raises(UserError, match=r"link\.ply: .*: expected a file that can be written$"):
+        expect_file("--out", tmp_path / "link.ply")
 
 
 def test_opencv_is_given_no_path_that_it_cannot_write(tmp_path):
