@@ -20,8 +20,9 @@ PresetName = Literal["realtime", "paper", "eslam", "co-slam"]
 PAPER: Final = SlamConfig()
 
 # Strong SDF terms, for tracking against the map, and few samples on many rays: as many points on half the
-# rays give a larger error of the field and a worse mesh (docs/experiments.md). Tracking by rendering, which
-# this preset does not use, needs more samples a ray.
+# rays give a larger error of the field and a worse mesh (docs/experiments.md). Free space is held above 0.3
+# truncations instead of at 1, which bends the field beside surfaces seen at small angles. Tracking by
+# rendering, which this preset does not use, needs more samples a ray.
 REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
@@ -29,7 +30,9 @@ REALTIME: Final = replace(
         method="alignment", depth_window_px=5, surface_points=4000, reference_views=8
     ),
     sampling=SamplingPattern(free_samples=1, surface_samples=2, free_reach=1.0, surface_reach=0.5),
-    weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0, blind_color=0.0),
+    weights=LossWeights(
+        sdf_middle=1000.0, sdf_tail=100.0, free_space=20.0, free_sdf=0.3, blind_color=0.0
+    ),
     mapper=MapperConfig(
         rays=1792,
         iterations=4,

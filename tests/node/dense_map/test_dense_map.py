@@ -125,6 +125,16 @@ def test_distances_pass_over_from_field_to_keyframes_without_a_step():
     assert np.nanmean(distance_m[:, -1]) > 0.1
 
 
+def test_free_space_beside_walls_is_seldom_taken_for_a_surface():
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    ray = (eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True)
+    points = surface + 0.1 * ray
+    found, true = room_map().query(points), _true_distance_m(points)
+    away = found.known & (true > 0.07)
+    assert away.sum() > 500
+    assert ((found.distance_m - true)[away] < -0.03).mean() < 0.05
+
+
 def test_nothing_is_known_behind_walls_and_beyond_theroom_map():
     surface, eye = _measured(0), room_poses()[0][:3, 3]
     ray = (surface - eye) / np.linalg.norm(surface - eye, axis=1, keepdims=True)
