@@ -48,6 +48,7 @@ REALTIME: Final = replace(
         decoder_rate=0.002,
         pose_rate=0.0,
         depth_window_px=5,
+        ray_views=8,
         parts=1,
         patch_repeats=4,
         smoothness_every=8,

@@ -13,6 +13,7 @@ from hsslam_node.config.checks import (
 from hsslam_node.errors import UserError
 
 MOST_RAYS = 1_000_000  # of an iteration; all their samples are in memory at once
+MOST_RAY_VIEWS = 8  # the kernel takes as many images
 SMALLEST_PATCH = 16  # rays along a side of a patch: fewer show no structure
 
 
@@ -100,6 +101,9 @@ class MapperConfig:
     """Depth noise at depth 1 m, m; depth and SDF losses weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
     depth_window_px: int = 1
     """Side of the square whose mean depth a ray uses, px; even values are rounded up, 1 turns it off."""
+    ray_views: int = 0
+    """Keyframes before and after a ray's keyframe over which its depth is averaged as well, 0 to 8; only if
+    it is averaged over a window."""
     max_depth_m: float = 12.0
     """Ignore depth beyond this, m."""
     least_color_weight: float = 1e-3
@@ -132,6 +136,7 @@ class MapperConfig:
         expect_not_negative(self, "mapper", "last_iterations")
         expect_not_negative(self, "mapper", "patch_repeats", "pose_rate")
         expect_in_range(self, "mapper", "depth_window_px", 1, 15)
+        expect_in_range(self, "mapper", "ray_views", 0, MOST_RAY_VIEWS)
         expect_in_range(self, "mapper", "newest_share", 0.0, 1.0)
         expect_in_range(self, "mapper", "moved_share", 0.0, 1.0)
         expect_in_range(self, "mapper", "least_color_weight", 0.0, 0.1)

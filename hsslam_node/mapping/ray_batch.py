@@ -10,6 +10,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
+from hsslam_node.mapping.ray_views import RayViews
 
 _REMEMBERED = 8192  # keyframes in the cache; the noise of one takes 0.3 ms
 _NEAREST_M = 0.01  # reach of a ray from outside the bound
@@ -75,6 +76,7 @@ class RayDraw:
         self._max_depth_m = config.max_depth_m
         self._blind = blind
         self._averaging = DepthAveraging(config.depth_window_px)
+        self._views = RayViews(config.ray_views)
 
     def fill(
         self,
@@ -103,6 +105,7 @@ class RayDraw:
         else:
             wanted = zip(keyframes, candidates, strict=True)
             uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
+        self._views.find(store, keyframes)
         filled = 0
         for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
             try:
@@ -111,10 +114,13 @@ class RayDraw:
             except RetiredKeyframeError:  # by another process, meanwhile
                 continue
             mine = slice(last[slot] - candidates[slot], last[slot])
-            filled += gather_pixels(
+            found = gather_pixels(
                 color, depth_raw, 1.0 / store.depth_units_per_m, self._max_depth_m, K, uv[mine],
                 averaging.radius_px, same_surface, self._blind, slot, batch, filled, int(wanted),
             )  # fmt: skip
+            rays = slice(filled, filled + found)
+            self._views.average(store, slot, batch.direction[rays], batch.depth[rays], same_surface)
+            filled += found
         return filled
 
 

@@ -13,12 +13,12 @@ _NAME = re.compile(r"`((?:kernels|gpu_kernels|reference|rendering)/[\w/]+\.py)`"
 _WITHOUT_TWIN = {
     "kernels/copy_rows.py": "what other kernels are built of",
     "kernels/depth_mean.py": "what other kernels are built of; the GPU gets depth that is averaged already",
+    "kernels/view_mean.py": "keyframes and rays are prepared on the CPU in every configuration",
     "kernels/simd.py": "what other kernels are built of",
     "kernels/simd_pairs.py": "what other kernels are built of",
     "kernels/simd_keys.py": "what the distance transform is built of",
     "kernels/simd_rows.py": "what distances to surfaces are built of",
     "kernels/tracking/depth_points.py": "points of a frame are made on the CPU in every configuration",
-    "kernels/tracking/view_mean.py": "keyframes are prepared on the CPU in every configuration",
     "gpu_kernels/trial_kernel.py": "shows that Triton works",
 }
 _WITHOUT_REFERENCE = {

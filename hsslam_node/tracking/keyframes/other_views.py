@@ -8,7 +8,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.depth_noise import averaging_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.kernels.tracking.view_mean import add_view
+from hsslam_node.kernels.view_mean import add_view
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 _GATE = 2.0  # times the usual difference between pixels of one surface

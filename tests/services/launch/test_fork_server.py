@@ -186,13 +186,13 @@ leave_out_meta_kernels()
 import torch
 assert "torch._decomp" not in sys.modules, "it is no longer the meta kernels that import it"
 from hsslam_node.kernels.tracking.depth_points import sample_points
-from hsslam_node.kernels.tracking.view_mean import add_view
+from hsslam_node.kernels.view_mean import add_view, average_depth
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.warm_start import textured_wall, warm_start
 from tests.small_room import SMALL
 warm_start(PRESETS["realtime"])
-print([len(kernel.signatures) for kernel in (sample_points, add_view)])
+print([len(kernel.signatures) for kernel in (sample_points, add_view, average_depth)])
 slam = Slam(replace(SMALL, mapper=replace(SMALL.mapper, first_iterations=20)))
 print([slam.process(frame).status for frame in textured_wall(2)])
 print(torch.ones(3).share_memory_().sum().item())
@@ -205,4 +205,4 @@ def test_without_meta_kernels_of_torch_a_camera_is_tracked_and_memory_is_shared(
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     loaded, statuses, total, _ = done.stdout.split("\n")
-    assert (loaded, statuses, total) == ("[1, 1]", "['initial', 'tracked']", "3.0")
+    assert (loaded, statuses, total) == ("[1, 1, 1]", "['initial', 'tracked']", "3.0")
