@@ -3,7 +3,7 @@ it, in lockstep and at the end.
 
 Subscribes: every logged topic
 Publishes: sys/step
-Arena: reads keyframes, load_level
+Arena: reads keyframes, map_state, pose_log, load_level
 """
 
 import time
@@ -43,6 +43,7 @@ from hsslam_services.log.recorded_so_far import RecordedSoFar
 from hsslam_services.log.unfinished_parts import UnfinishedParts
 from hsslam_services.ros2.names import FrameNames
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.viewer.earlier_run import read_earlier_run
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from hsslam_services.viewer.leave_out_pandas import leave_out_pandas
 from hsslam_services.viewer.view import RerunView
@@ -180,6 +181,16 @@ class Recorder:
         key = self._key(topic)
         return self._recorded.dropped[key] + self._missed[key]
 
+    def draw_earlier(self, arena_dir: Path) -> None:
+        """Let the viewer begin with the run so far, which an earlier recorder has drawn; call it first."""
+        try:
+            earlier = read_earlier_run(arena_dir, topics.POSE.history)
+        except OSError as error:
+            self._report("warning", f"the viewer lacks the path so far: {error.strerror}")
+            return
+        if earlier is not None:
+            self._view.begin_with(earlier)
+
     def show_images_every(self, seconds: float) -> None:
         """The least time between images in the live viewer, s."""
         self._view.show_images_every(seconds)
@@ -297,6 +308,7 @@ def record(worker: Worker) -> None:
         run.camera_arena,
         _drawn_poses(run),
     )
+    recorder.draw_earlier(Path(run.arena_dir))
     level = SharedLevel(run.arena_dir)
     count_at_s = 0.0
     worker.ready()

@@ -15,6 +15,7 @@ from hsslam_proto import messages
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
+from hsslam_services.viewer.earlier_run import EarlierRun
 from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.scene import RerunScene
 from hsslam_services.viewer.watch import ViewerWatch
@@ -69,7 +70,7 @@ class Drawing(threading.Thread):
         super().__init__(name="rerun", daemon=True)
         self.dropped = 0
         self._frames: deque[messages.Frame] = deque()
-        self._others: deque[Message | NextFile] = deque()
+        self._others: deque[Message | NextFile | EarlierRun] = deque()
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
@@ -92,7 +93,7 @@ class Drawing(threading.Thread):
         self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
 
-    def put(self, message: Message | NextFile) -> None:
+    def put(self, message: Message | NextFile | EarlierRun) -> None:
         if isinstance(message, NextFile):
             self._takes_messages = True
         elif not self._takes_messages:
@@ -149,9 +150,12 @@ class Drawing(threading.Thread):
                 self._stream.flush(timeout_sec=_FLUSH_S)
         self._stream.disconnect()
 
-    def _draw(self, message: Message) -> None:
+    def _draw(self, message: Message | EarlierRun) -> None:
         try:
-            self._scene.draw(message)
+            if isinstance(message, EarlierRun):
+                self._scene.begin_with(message)
+            else:
+                self._scene.draw(message)
         except Exception as error:  # of rerun or a decoder; the other messages are still drawn
             self.dropped += 1
             if not self._is_refusal_reported:
@@ -192,7 +196,7 @@ class Drawing(threading.Thread):
         self._has_file = self._takes_messages = True
         self._scene.begin_file()
 
-    def _next(self) -> Message | NextFile | None:
+    def _next(self) -> Message | NextFile | EarlierRun | None:
         with self._arrival:
             while not (self._others or self._frames):
                 if self._stopped_s < math.inf:
@@ -200,7 +204,7 @@ class Drawing(threading.Thread):
                 self._arrival.wait()
             return self._others.popleft() if self._others else self._frames.popleft()
 
-    def _is_due(self, message: Message | NextFile) -> bool:
+    def _is_due(self, message: Message | NextFile | EarlierRun) -> bool:
         """Whether to draw a message: images are thinned out, so that the file stays small."""
         if isinstance(message, messages.Frame):
             if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:

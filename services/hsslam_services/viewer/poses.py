@@ -1,13 +1,14 @@
 """Draws poses in the viewer: plots, the camera, and its path."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun as rr
 
 from hsslam_proto.messages import Correction, Keyframe, Pose
-from hsslam_services.viewer.path import RerunPath
+from hsslam_services.viewer.path.line import PathPose
+from hsslam_services.viewer.path.rerun_path import RerunPath
 
 _FPS_WEIGHT = 0.1  # of the newest interval in the running mean
 _MOST_WAITING = 64
@@ -36,6 +37,10 @@ class RerunPoses:
     def add_keyframe(self, keyframe: Keyframe) -> None:
         """The map has a new keyframe."""
         self._path.add_keyframe(keyframe)
+
+    def begin_with(self, lines: Iterable[list[PathPose]]) -> None:
+        """The path begins with the parts of an earlier one."""
+        self._path.begin_with(lines)
 
     def correct(self, moved: Correction) -> None:
         """Move the poses tracked from corrected keyframes."""

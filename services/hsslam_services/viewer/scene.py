@@ -15,6 +15,7 @@ from hsslam_proto.mesh.assembled import PendingBlocks
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message, Quaternion, Vector
 from hsslam_services.log.frame_compression import jpeg
+from hsslam_services.viewer.earlier_run import EarlierRun
 from hsslam_services.viewer.mesh import draw_blocks, draw_whole
 from hsslam_services.viewer.poses import RerunPoses
 
@@ -105,6 +106,17 @@ class RerunScene:
             self._restore_time()
         if self._blocks and time.monotonic() - self._blocks_s >= self._blocks_every_s:
             self._draw_blocks(_BLOCKS_AT_ONCE)
+
+    def begin_with(self, earlier: EarlierRun) -> None:
+        """Draw keyframes and path of the run so far in place of those that an earlier recorder drew."""
+        if earlier.map_epoch < self._epochs.now:
+            return
+        self._epochs.begins(earlier.map_epoch)
+        self._set_time(earlier.index, earlier.stamp_ns)
+        for entity in ("world/trajectory", "world/lost", "world/keyframes"):
+            self._stream.log(entity, rr.Clear(recursive=True))
+        self._place_keyframes(earlier.keyframes)
+        self._poses.begin_with(earlier.lines)
 
     def add_blocks(self, message: MeshBlocks) -> None:
         """Draw these blocks of the live mesh when they are due; another thread may call this."""

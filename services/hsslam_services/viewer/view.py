@@ -11,6 +11,7 @@ from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
 from hsslam_services.run.viewer_url import viewer_url
 from hsslam_services.viewer.drawing import Drawing, Intervals, NextFile
+from hsslam_services.viewer.earlier_run import EarlierRun
 from hsslam_services.viewer.open_viewer import OpenViewer
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.watch import ViewerWatch
@@ -67,6 +68,11 @@ class RerunView:
         file, *live = self._threads
         for thread in [file] * in_file + live * in_viewer:
             thread.put(message)
+
+    def begin_with(self, earlier: EarlierRun) -> None:
+        """Draw the run so far, before anything else."""
+        for thread in self._threads:
+            thread.put(earlier)
 
     def show_images_every(self, seconds: float) -> None:
         """Set the least time between images in the live viewer, s; the file has its own."""

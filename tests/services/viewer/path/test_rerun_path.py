@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_proto.messages import Correction, Pose
-from hsslam_services.viewer.fragment_path import FragmentPath
-from hsslam_services.viewer.path import RerunPath
-from hsslam_services.viewer.path_line import colored_strips, quality_color
+from hsslam_services.viewer.path.fragment import FragmentPath
+from hsslam_services.viewer.path.line import colored_strips, quality_color
+from hsslam_services.viewer.path.rerun_path import RerunPath
 from hsslam_services.viewer.scene import RerunScene
 from tests.services.recorded import rrd
 from tests.services.wire_samples import frame, keyframe, pose

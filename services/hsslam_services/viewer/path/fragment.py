@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_proto.messages import Keyframe, Pose
 from hsslam_proto.pose_codec import in_joined_keyframe, pose_matrix
-from hsslam_services.viewer.path_line import PathLine, PathPose, quality_color
+from hsslam_services.viewer.path.line import PathLine, PathPose, quality_color
 
 _MOST_POSES = 1024  # a longer fragment is thinned
 

@@ -1,15 +1,15 @@
 """The path in the viewer, coloured by tracking quality, lost stretches in red."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, count
 
 import rerun as rr
 
 from hsslam_proto.messages import Correction, Keyframe, Pose
 from hsslam_proto.pose_codec import pose_matrix
-from hsslam_services.viewer.fragment_path import FragmentPath
-from hsslam_services.viewer.path_line import Color, PathLine, PathPose
+from hsslam_services.viewer.path.fragment import FragmentPath
+from hsslam_services.viewer.path.line import Color, PathLine, PathPose
 
 _SEGMENT_POSES = 64  # per entity; a pose re-logs only its segment
 _FINE_SEGMENTS = 64  # the newest; older segments are thinned and merged into long ones
@@ -58,6 +58,14 @@ class RerunPath:
         self._newest.add(at)
         if len(self._newest.poses) > _SEGMENT_POSES:
             self._begin_segment(at)
+        self.is_drawn = False
+
+    def begin_with(self, lines: Iterable[list[PathPose]]) -> None:
+        """Begin with the parts of an earlier path, which are thinned already."""
+        for line in lines:
+            for first in range(0, len(line) - 1, _COARSE_POSES):
+                self._next_old(*line[first : first + _COARSE_POSES + 1])
+        self._next_old()
         self.is_drawn = False
 
     def add_keyframe(self, keyframe: Keyframe) -> None:

@@ -1,0 +1,1 @@
+"""The path of the camera in the viewer."""
