@@ -1,6 +1,5 @@
 """A thread that draws messages into one recording stream of rerun."""
 
-import contextlib
 import math
 import threading
 import time
@@ -23,7 +22,8 @@ from hsslam_services.viewer.watch import ViewerWatch
 _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
 _STUCK_S = 3.0  # in the drawing of one message
-_FLUSH_S = 2.0  # at the end
+_FLUSH_S = 2.0  # at the end, of a viewer
+_FILE_FLUSH_S = 9.0  # of a file, after `stop`: the final mesh of an apartment takes 3 s of a core
 _START_AFTER_END_S = 3.0  # a viewer that starts later than this after the end gets no data
 
 
@@ -144,11 +144,22 @@ class Drawing(threading.Thread):
             if self._watch is not None and self._watch.is_gone(self._stream):
                 self._gone = True
                 break
-        with contextlib.suppress(RuntimeError):
-            if not self._gone:
-                self._scene.finish()
-                self._stream.flush(timeout_sec=_FLUSH_S)
+        if not self._gone:
+            self._finish()
         self._stream.disconnect()
+
+    def _finish(self) -> None:
+        """Draw the last poses and blocks, and wait until all data is in the file or with the viewer."""
+        limit_s = _FLUSH_S
+        try:
+            self._scene.finish()
+            if self._watch is None:
+                limit_s = max(_FILE_FLUSH_S - (time.monotonic() - self._stopped_s), _FLUSH_S)
+            self._stream.flush(timeout_sec=limit_s)
+        except RuntimeError as error:
+            if self._watch is None and self._has_file:
+                why = on_one_line(str(error))
+                self._report("warning", f"rerun: {why}: the recording lacks its last data")
 
     def _draw(self, message: Message | EarlierRun) -> None:
         try:

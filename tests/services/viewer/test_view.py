@@ -1,16 +1,21 @@
 """What run.rrd shows of a run."""
 
+import contextlib
+import os
 import re
 
 import msgspec
+import numpy as np
 import rerun as rr
 
+from hsslam_services.viewer import drawing
 from hsslam_services.viewer.drawing import Drawing, Intervals
 from hsslam_services.viewer.scene import RerunScene
 from hsslam_services.viewer.view import RerunView
 from tests.services.recorded import rrd, rrd_rows
 from tests.services.viewer.shown_run import show_a_run
 from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
+from tests.until import until
 
 
 def test_the_file_has_the_whole_scene(tmp_path):
@@ -182,10 +187,30 @@ def test_without_a_first_file_the_recording_begins_with_the_next_one(tmp_path):
     assert len(events) == 1
 
 
+def test_a_file_that_takes_too_long_at_the_end_is_reported(tmp_path, monkeypatch):
+    """Its disk hangs: nothing reads this pipe."""
+    monkeypatch.setattr(drawing, "_FILE_FLUSH_S", 0.0)
+    os.mkfifo(tmp_path / "run.rrd")
+    pipe = os.open(tmp_path / "run.rrd", os.O_RDONLY | os.O_NONBLOCK)
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
+    noise = memoryview(np.random.default_rng(0).bytes(1 << 21))  # more than a pipe holds
+    view.show(msgspec.structs.replace(frame(0, compressed=True), color=noise))
+    (drawing_thread,) = view._threads
+    drawing_thread.stop()
+    until(lambda: events)
+    [(level, text)] = events
+    assert level == "warning" and text.endswith("the recording lacks its last data")
+    while drawing_thread.is_alive():  # the disk goes on
+        with contextlib.suppress(BlockingIOError):
+            os.read(pipe, 1 << 20)
+    os.close(pipe)
+
+
 def test_messages_that_are_dropped_take_no_mark_of_a_new_file_with_them(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
-    (drawing,) = view._threads
-    with drawing._arrival:  # it draws nothing meanwhile
+    (thread,) = view._threads
+    with thread._arrival:  # it draws nothing meanwhile
         view.write_to(tmp_path / "run.1.rrd")
         for _ in range(5000):
             view.show(pose(0))
