@@ -14,6 +14,7 @@ from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.viewer import earlier_run
 from hsslam_services.viewer.earlier_run import read_earlier_run
 from hsslam_services.viewer.scene import RerunScene
 from tests.services.recorded import rrd
@@ -66,6 +67,16 @@ def test_it_is_at_the_present_poses_and_parted_where_the_camera_was_lost(arena):
     np.testing.assert_allclose(after[:, 0], np.arange(1216, 1400, 8) / 100, atol=1e-6)
     np.testing.assert_allclose(before[:, 1], _RAISED_M * (before[:, 0] >= 10), atol=1e-6)
     np.testing.assert_allclose(after[:, 1], _RAISED_M, atol=1e-6)
+
+
+def test_a_long_path_is_thinned_and_its_beginning_left_out(arena, monkeypatch):
+    monkeypatch.setattr(earlier_run, "_MOST_POSES", 1000)
+    monkeypatch.setattr(earlier_run, "_MOST_DRAWN", 50)
+    earlier = read_earlier_run(arena.folder, newest_left_out=0)
+    assert earlier is not None
+    x = np.array([p.t[0] for line in earlier.lines for p in line])
+    np.testing.assert_allclose(x[[0, -1]], [10.0, 19.8], atol=1e-6)
+    np.testing.assert_allclose(np.diff(x).max(), 0.4, atol=1e-6)  # the lost frames lie between
 
 
 def test_before_there_is_a_map_and_after_a_reset_there_is_none(arena, tmp_path):
