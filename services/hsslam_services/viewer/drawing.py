@@ -179,8 +179,9 @@ class Drawing(threading.Thread):
         return time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
     def _drop_oldest(self) -> None:
-        """Drop the oldest message, but no mark of a new file."""
-        del self._others[next(i for i, m in enumerate(self._others) if not isinstance(m, NextFile))]
+        """Drop the oldest message, but no mark of a new file, and not the run so far."""
+        kept = (NextFile, EarlierRun)
+        del self._others[next(i for i, m in enumerate(self._others) if not isinstance(m, kept))]
 
     def _open_first(self) -> None:
         try:

@@ -10,6 +10,7 @@ import rerun as rr
 
 from hsslam_services.viewer import drawing
 from hsslam_services.viewer.drawing import Drawing, Intervals
+from hsslam_services.viewer.earlier_run import EarlierRun
 from hsslam_services.viewer.scene import RerunScene
 from hsslam_services.viewer.view import RerunView
 from tests.services.recorded import rrd, rrd_rows
@@ -207,16 +208,21 @@ def test_a_file_that_takes_too_long_at_the_end_is_reported(tmp_path, monkeypatch
     os.close(pipe)
 
 
-def test_messages_that_are_dropped_take_no_mark_of_a_new_file_with_them(tmp_path):
+def test_messages_that_are_dropped_take_no_mark_of_a_new_file_and_not_the_run_so_far(tmp_path):
+    placed = [(5000, ((7.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))]
+    earlier = EarlierRun(map_epoch=0, index=0, stamp_ns=1, keyframes=placed, lines=[])
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     (thread,) = view._threads
     with thread._arrival:  # it draws nothing meanwhile
+        view.begin_with(earlier)
         view.write_to(tmp_path / "run.1.rrd")
         for _ in range(5000):
             view.show(pose(0))
+        view.show(frame(0))  # keyframes are drawn as large as its camera sees
     view.close()
     assert view.dropped > 0
     rrd("verify", tmp_path / "run.1.rrd")
+    assert rrd_rows(tmp_path / "run.1.rrd", "/world/keyframes/156") == 1
 
 
 def test_show_does_not_wait_for_the_drawing(tmp_path):
