@@ -1,4 +1,3 @@
 """Fields of the array `keyframes`, [16] int64; apart, as the store and its poses both read it."""
 
 COUNT, POSE_VERSION, INHERITED, MOST, REFUSED, APPENDING, GRAVITY, WANTED = range(8)
-CORRECTED = 8  # 1 + the keyframes that the correction in progress knew; 0: none is in progress

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hsslam_node.map.keyframes.header import APPENDING, CORRECTED, COUNT, POSE_VERSION
+from hsslam_node.map.keyframes.header import APPENDING, COUNT, POSE_VERSION
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.settled import Settling
 from hsslam_node.map.keyframes.slots import KeyframeSlots
@@ -86,9 +86,8 @@ class KeyframePoses:
         """As `KeyframeStore.correct_poses`."""
         version, n = self.version, self._count
         before = self._rows.all_poses(n, version % 2)
-        now = self._after_interrupted(before)
-        after = now.copy()
-        after[ids] = T_world_cam if T_then is None else on_top(T_then, now[ids], T_world_cam)
+        after = before.copy()
+        after[ids] = T_world_cam if T_then is None else on_top(T_then, before[ids], T_world_cam)
         is_kept = np.isin(np.arange(n), self._slots.held(n))
         anchors = self._rows.anchors(n)
         is_kept |= anchors >= n  # retired just now, for a keyframe that came after these n
@@ -100,15 +99,11 @@ class KeyframePoses:
         moved = np.flatnonzero((after != before).any(axis=(1, 2)))
         self._rows.write_bank(after, (version + 1) % 2)
         settled = self._settling.settle(after, is_kept, root)
-        store_ordered(self._header, CORRECTED, 1 + n)
         store_ordered(self._header, POSE_VERSION, version + 1)
         self._settling.mark(settled, n)
         self._settling.drop(n)
         correction = PoseCorrection(version + 1, moved, after[moved])
-        if known is not None:
-            correction = self._with_late(correction, n)
-        store_ordered(self._header, CORRECTED, 0)
-        return correction
+        return correction if known is None else self._with_late(correction, n)
 
     @property
     def _count(self) -> int:
@@ -117,33 +112,17 @@ class KeyframePoses:
     def _with_late(self, correction: PoseCorrection, n: int) -> PoseCorrection:
         """Also move the keyframes that were appended at old poses while the bank was written."""
         self._wait_for_append()
-        late = self._late(n, self._count)
+        late = np.arange(n, self._count)
+        late = late[self._rows.versions(n, n + len(late)) < correction.version]
         if len(late) == 0:
             return correction
-        corrected = self._rows.all_poses(int(late[-1]) + 1, correction.version % 2)
-        after = self._follow(corrected, late)
-        late = late[(after[late] != corrected[late]).any(axis=(1, 2))]
+        banks = (correction.version + 1) % 2, correction.version % 2
+        before, after = (self._rows.all_poses(int(late[-1]) + 1, bank) for bank in banks)
+        follow_references(before, after, late, self._rows.references(len(after)))
+        late = late[(after[late] != before[late]).any(axis=(1, 2))]
         if len(late) == 0:
             return correction
         return correction.with_more(self.correct(late, after[late], None))
-
-    def _after_interrupted(self, poses: np.ndarray) -> np.ndarray:
-        """Poses [n, 4, 4] with the late keyframes moved that a process which died in a correction left."""
-        known = load_ordered(self._header, CORRECTED) - 1
-        return poses if known < 0 else self._follow(poses, self._late(known, len(poses)))
-
-    def _late(self, known: int, end: int) -> np.ndarray:
-        """Keyframes from number `known` up to `end` whose poses were taken before the current version."""
-        return known + np.flatnonzero(self._rows.versions(known, end) < self.version)
-
-    def _follow(self, poses: np.ndarray, late: np.ndarray) -> np.ndarray:
-        """Poses [n, 4, 4] of the current version, in which the keyframes `late` moved with their references
-        since the version before."""
-        if len(late) == 0:
-            return poses
-        before, after = self._rows.all_poses(len(poses), (self.version + 1) % 2), poses.copy()
-        follow_references(before, after, late, self._rows.references(len(poses)))
-        return after
 
     def _wait_for_append(self) -> None:
         """Wait until the keyframe that is being appended now, perhaps at an old pose, is counted."""

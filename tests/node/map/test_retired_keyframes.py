@@ -239,34 +239,6 @@ def test_keyframes_that_come_during_a_correction_move_with_those_they_were_align
         np.testing.assert_allclose(store.pose(k), pose, atol=1e-12, err_msg=str(k))
 
 
-def test_keyframes_that_a_killed_correction_left_behind_move_with_the_next_one():
-    arrays = MemoryAllocator()
-    store = _store(3, arrays)
-    T, further = se3_exp(np.full(6, 0.1)), se3_exp(np.full(6, -0.2))
-
-    class Killed(BaseException):
-        """The end of the process that corrects."""
-
-    def killed(correction: PoseCorrection, n: int) -> PoseCorrection:
-        raise Killed
-
-    store._poses._with_late = killed  # the new poses are shown; the late keyframe is next
-    with store.appending():
-        version = store.pose_version
-        with pytest.raises(Killed):
-            store.correct_poses(np.array([2]), (T @ _pose(2))[None], known=3)
-        store.append(_frame(3), _pose(3), version)
-    restarted = KeyframeStore(arrays)
-    np.testing.assert_array_equal(restarted.pose(3), _pose(3))
-    ids, then = np.array([1]), restarted.poses_of(np.array([1]))
-    correction = restarted.correct_poses(ids, further @ then, known=4, T_then=then)
-    assert correction.keyframes.tolist() == [1, 3]
-    expected = {0: _pose(0), 1: further @ _pose(1)} | _moved_by(T, 2, 3)
-    for k, pose in expected.items():
-        np.testing.assert_allclose(restarted.pose(k), pose, atol=1e-12, err_msg=str(k))
-    assert restarted.correct_poses(ids, then, known=4).keyframes.tolist() == [1]  # only once
-
-
 def test_keyframes_of_a_fragment_that_joins_during_a_correction_stay():
     store = _store(3, MemoryAllocator())
     staging = store.staging()
