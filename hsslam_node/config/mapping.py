@@ -102,8 +102,8 @@ class MapperConfig:
     depth_window_px: int = 1
     """Side of the square whose mean depth a ray uses, px; even values are rounded up, 1 turns it off."""
     ray_views: int = 0
-    """Keyframes before and after a ray's keyframe over which its depth is averaged as well, 0 to 8; only if
-    it is averaged over a window."""
+    """Keyframes next to a ray's keyframe over which its depth is averaged as well, 0 to 8 in all; only if it
+    is averaged over a window."""
     max_depth_m: float = 12.0
     """Ignore depth beyond this, m."""
     least_color_weight: float = 1e-3

@@ -22,7 +22,7 @@ def answers_at(
     The field's distance is the SDF over its slope, to first order the way to the surface. A slope below 1
     counts as 1: a saturated field would give too large distances. Up to 0.3 truncations the field counts
     alone. From there to 0.6 it blends into the distance to the surfaces that keyframes measured, unless
-    that surface is 3 cm farther: then the field does not count, as free space also has such an SDF.
+    that surface is 3 cm farther and the SDF positive: free space has such an SDF, so it does not count.
     Without a measured distance, as just behind a surface, it counts to 0.95. Its surface does not count
     where keyframes saw free space later.
 
@@ -94,7 +94,7 @@ def _add_field(
         length = np.sqrt(x * x + y * y + z * z)  # T/m
         own_m = sdf[m] * truncation_m / max(length * truncation_m, np.float32(_LEAST_SLOPE))
         beyond_m = distance[k] - own_m  # nan if it is not measured
-        if beyond_m >= np.float32(_SAME_M) and s > np.float32(_ALONE):
+        if beyond_m >= np.float32(_SAME_M) and sdf[m] > np.float32(_ALONE):
             continue  # free space has such an SDF, too (`weights.free_sdf`)
         if beyond_m > np.float32(GONE_M):
             step = own_m / length if length > 0 else zero

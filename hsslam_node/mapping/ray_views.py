@@ -8,7 +8,7 @@ from hsslam_node.kernels.view_mean import average_depth
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 _GATE = 2.0  # times the limit of one surface
-_OWN_PIXELS = 9.0  # that a ray's own depth counts as; a mean of 5 x 5 pixels that lie side by side
+_OWN_PIXELS = 9.0  # weight of a ray's own depth: the 25 pixels of its mean are not independent
 _BEFORE_AND_AFTER = np.array([side * n for n in range(1, MOST_RAY_VIEWS + 1) for side in (-1, 1)])
 
 

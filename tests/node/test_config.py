@@ -46,6 +46,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("weights", "free_sdf", 1.1, 1.0),
     ("mapper", "depth_window_px", 0, 1),
     ("mapper", "ray_views", -1, 0),
+    ("mapper", "ray_views", 9, 8),
     ("tracker", "depth_window_px", 16, 15),
     ("mapper", "parts", 0, 1),
     ("mapper", "parts", 17, 16),

@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import msgspec
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, on_one_line
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.keyframes.world_frame import level_frame_in
 from hsslam_proto import topics
@@ -185,8 +185,8 @@ class Recorder:
         """Let the viewer begin with the run so far, which an earlier recorder has drawn; call it first."""
         try:
             earlier = read_earlier_run(arena_dir, topics.POSE.history)
-        except OSError as error:
-            self._report("warning", f"the viewer lacks the path so far: {error.strerror}")
+        except Exception as error:  # a log is worth more than a picture
+            self._report("warning", f"the viewer lacks the path so far: {on_one_line(str(error))}")
             return
         if earlier is not None:
             self._view.begin_with(earlier)

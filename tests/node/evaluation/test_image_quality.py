@@ -97,7 +97,6 @@ def test_a_trained_map_draws_what_it_has_not_seen(checkpoint):
     assert found["field"].images == 2
     assert found["field"].psnr_db > found["blank"].psnr_db + 3
     assert found["view"].psnr_db > found["blank"].psnr_db + 3
-    assert found["view"].ssim > found["field"].ssim  # sharper
     assert found["view"].ssim > found["field"].ssim + 0.01
     assert found["field"].pixels_ratio == found["view"].pixels_ratio > 0.9
 
