@@ -23,7 +23,7 @@ class EarlierRun(NamedTuple):
     """Keyframes and path of a map epoch at their present poses."""
 
     map_epoch: int
-    index: int  # of the newest frame of the path
+    index: int  # of the newest frame, to which the former recorder may have drawn
     stamp_ns: int
     keyframes: list[tuple[int, tuple[Vector, Quaternion]]]
     lines: list[list[PathPose]]  # parts of the path; the camera was lost between them
@@ -39,18 +39,20 @@ def read_earlier_run(arena_dir: Path, newest_left_out: int) -> EarlierRun | None
     epoch = state.map_epoch
     try:
         T_world_keyframe = KeyframeStore(arrays).poses()
-        rows, parts = _drawn_rows(PoseLog(arrays), epoch, newest_left_out)
+        log = PoseLog(arrays)
+        newest = log.last()
+        rows, parts = _drawn_rows(log, epoch, newest_left_out)
     except (KeyError, ValueError):  # there is no map yet, or a reset has just removed it
         return None
-    if len(rows) == 0 or state.map_epoch != epoch:
+    if newest is None or len(rows) == 0 or state.map_epoch != epoch:
         return None
     first = max(len(T_world_keyframe) - _MOST_KEYFRAMES, 0)
-    newest = enumerate(T_world_keyframe[first:], first)
+    placed = enumerate(T_world_keyframe[first:], first)
     return EarlierRun(
         epoch,
-        int(rows[-1]["index"]),
-        int(rows[-1]["stamp_ns"]),
-        [(k, wire_pose(T)) for k, T in newest],
+        int(newest["index"]),
+        int(newest["stamp_ns"]),
+        [(k, wire_pose(T)) for k, T in placed],
         _lines(rows, parts, T_world_keyframe),
     )
 

@@ -60,6 +60,7 @@ class RerunScene:
         self._frustum: np.ndarray | None = None
         self._intrinsics: tuple[float, ...] = ()
         self._time: tuple[int, int] | None = None
+        self._cleared_until_ns = 0  # what an earlier recorder drew up to then; 0: nothing
         self._log_styles()
 
     def draw(self, message: Message) -> None:
@@ -75,6 +76,10 @@ class RerunScene:
             case messages.Pose():
                 self._set_time(message.index, message.stamp_ns)
                 self._poses.add(message)
+                if 0 < self._cleared_until_ns < message.stamp_ns:  # earlier lines are cleared then
+                    self._cleared_until_ns = 0
+                    self._poses.draw()
+                    self._poses.draw_again()
             case messages.Keyframe():
                 t, q = self._placed(message.id) or (
                     message.t,
@@ -111,8 +116,10 @@ class RerunScene:
         """Draw keyframes and path of the run so far in place of those that an earlier recorder drew."""
         if earlier.map_epoch < self._epochs.now:
             return
-        self._epochs.begins(earlier.map_epoch)
+        if self._epochs.begins(earlier.map_epoch):
+            self._clear()
         self._set_time(earlier.index, earlier.stamp_ns)
+        self._cleared_until_ns = earlier.stamp_ns
         for entity in ("world/trajectory", "world/lost", "world/keyframes"):
             self._stream.log(entity, rr.Clear(recursive=True))
         self._place_keyframes(earlier.keyframes)

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import rerun as rr
@@ -96,18 +97,33 @@ def test_the_next_scene_replaces_what_the_former_drew_and_goes_on(arena, tmp_pat
     stream.set_sinks(rr.FileSink(tmp_path / "scene.rrd"))
     scene = RerunScene(stream, poses_every_s=0.0)
     scene.begin_with(earlier)
-    scene.draw(frame(_FRAMES))
-    scene.draw(pose(_FRAMES))
-    scene.draw(pose(_FRAMES + 1))
+    scene.draw(msgspec.structs.replace(frame(_FRAMES), stamp_ns=10**18 + 1))
+    for index in range(_FRAMES - 2, _FRAMES + 3):  # two that the former scene may have drawn
+        at = msgspec.structs.replace(pose(index), stamp_ns=10**18 + index)
+        scene.draw(at)
     scene.finish()
     stream.flush()
     stream.disconnect()
     entities = _entities(tmp_path / "scene.rrd")
     assert {"world/trajectory/old/1", "world/trajectory/old/2", "world/trajectory/0"} <= entities
     assert "world/keyframes/0" in entities
-    assert {"world/trajectory", "world/lost", "world/keyframes"} <= entities  # cleared
+    for cleared in ("world/trajectory", "world/lost", "world/keyframes"):
+        assert _frames(tmp_path / "scene.rrd", cleared) == {_FRAMES - 1}
+    for line in ("old/1", "old/2", "0"):  # again, after what the former scene may have drawn
+        assert _FRAMES in _frames(tmp_path / "scene.rrd", f"world/trajectory/{line}")
     assert not any(name.startswith("world/lost/") for name in entities)
 
 
 def _entities(recording: Path) -> set[str]:
     return set(re.findall(r" rows .* - /(\S+) ", rrd("print", "-vv", recording)))
+
+
+def _frames(recording: Path, entity: str) -> set[int]:
+    """The frames at which something was drawn there."""
+    found, here = set(), ""
+    for line in rrd("print", "-vvv", recording).splitlines():
+        if head := re.search(r" rows .* - /(\S*) ", line):
+            here = head[1]
+        elif here == entity and (stamp := re.search(r" 2001-09-09T01:46:40\.(\d+) ", line)):
+            found.add(int(stamp[1].ljust(9, "0")))
+    return found
